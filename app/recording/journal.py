@@ -8,7 +8,7 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
-from app.documents import Json, parse_document
+from app.documents import Entry, Json, parse_document
 from app.errors import RecordingError
 from app.files import reason
 from app.recording.manifest import FrameEntry, Header, Manifest
@@ -30,7 +30,7 @@ class Recovery:
     left_out: tuple[str, ...]
 
 
-def journal_line(entry: Header | FrameEntry) -> bytes:
+def journal_line(entry: Entry) -> bytes:
     """One line of the journal, newline included."""
     return json.dumps(entry.as_json(), ensure_ascii=False, allow_nan=False).encode() + b"\n"
 
