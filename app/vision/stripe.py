@@ -80,5 +80,13 @@ class StripeDetector(Protocol):
         """The stripe of one picture; empty where there is none."""
         ...
 
+    def detect_several(self, view: LaserView, count: int) -> list[LaserStripe]:
+        """`count` stripes of one picture with several lasers lit, in the order in which they lie across.
+
+        Left to right for vertical stripes, top to bottom for horizontal ones. On a line that shows fewer,
+        each peak goes to the stripe that is nearest on the nearest line that shows all.
+        """
+        ...
+
 
 STRIPE_DETECTORS: Registry[StripeDetector] = Registry("stripe detector", "app.vision.detectors")

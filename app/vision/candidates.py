@@ -1,0 +1,186 @@
+"""Peaks that may be the stripe: how detectors look for them, and what becomes of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.geometry.arrays import Floats
+from app.vision.kernels import Kernels, twin
+from app.vision.segments import has_company, noise_scale, segments_of, smooth_within
+from app.vision.stripe import Image, LaserStripe, LaserView, Orientation
+from app.vision.threshold import across_lines, laser_channel, ridge_response
+
+# A summit of pure noise in a line of some thousand pixels lies below this many standard deviations,
+# and above its local minimum below the other.
+_SUMMIT_SIGMAS = 4.5
+_RIDGE_SIGMAS = 6.5
+_LARGEST_SIGMA_PX = 10.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Candidates:
+    """Peaks of one picture, in the order of the lines.
+
+    Attributes:
+        lit, dark: the pictures, rows across the stripe.
+        channel: of a colour picture, the one that sees the laser.
+        line: (N,) row number.
+        centre: (N,) middle of the peak at half height, px.
+        height: (N,) above the surroundings, grey levels.
+        second: (N,) height of the line's next peak as a share of this one, 0..1.
+        sigma: of a typical peak, px.
+    """
+
+    lit: Image
+    dark: Image | None
+    channel: int
+    line: NDArray[np.intp]
+    centre: Floats
+    height: Floats
+    second: Floats
+    sigma: float
+
+
+def find_candidates(view: LaserView, min_strength: float, count: int, kernels: Kernels) -> Candidates:
+    """The `count` strongest peaks of every line that stand out of the picture's noise."""
+    lit, dark = across_lines(view)
+    channel = laser_channel(lit, dark, view.colour)
+    least = _least_height(lit, dark, channel, min_strength)
+    if dark is None:
+        peaks = kernels.find_peaks(ridge_response(lit, channel, view.colour), least, count + 1)
+    else:
+        peaks = kernels.find_peaks_between(lit, dark, channel, least, count + 1)
+    height = peaks.height[:, :count]
+    line = np.repeat(np.arange(len(height)), np.count_nonzero(height, axis=1))
+    rank = np.nonzero(height)[1]
+    heights = height[line, rank]
+    second = np.minimum(peaks.height[line, count] / heights, 1.0)
+    sigmas = peaks.sigma[line, rank]
+    # The brighter half knows the width best.
+    known = np.isfinite(sigmas) & (heights >= (np.median(heights) if len(heights) else 0.0))
+    sigma = float(np.median(sigmas[known])) if known.any() else 1.0
+    return Candidates(
+        lit, dark, channel, line, peaks.centre[line, rank], heights, second,
+        float(np.clip(sigma, 0.5, _LARGEST_SIGMA_PX)),
+    )  # fmt: skip
+
+
+def _least_height(lit: Image, dark: Image | None, channel: int, min_strength: float) -> int:
+    """The lowest summit that is no noise, from a sample of the lines."""
+    step = max(1, lit.shape[0] // 24)
+    lines = lit[::step] if lit.ndim == 2 else lit[::step, :, channel]
+    if dark is not None:
+        off = dark[::step] if dark.ndim == 2 else dark[::step, :, channel]
+        change = lines.astype(np.int16) - off
+        # The mean of a normal distribution's absolute value is 0.8 sigma.
+        noise, sigmas = float(np.abs(change - np.median(change)).mean()) / 0.8, _SUMMIT_SIGMAS
+    else:
+        change = np.diff(lines.astype(np.int16), axis=1)
+        noise, sigmas = float(np.median(np.abs(change))) / 0.67 / np.sqrt(2.0), _RIDGE_SIGMAS
+    return int(np.clip(np.ceil(max(min_strength, sigmas * noise)), 1, 255))
+
+
+def run_windows(peaks: Candidates) -> tuple[Floats, NDArray[np.intp], NDArray[np.bool_]]:
+    """Laser light around every candidate, for detectors that need no more.
+
+    Returns:
+        light (N, W), grey levels, never below 0; the column (N,) of the windows' middle; whether (N,) any
+        pixel near it is clipped.
+    """
+    column = np.rint(peaks.centre).astype(np.intp)
+    half = int(np.ceil(5.0 * peaks.sigma)) + 2
+    core = int(np.ceil(3.0 * peaks.sigma))
+    if peaks.dark is None:
+        windows = twin.cut_windows(peaks.lit, peaks.channel, peaks.line, column, half, core)
+    else:
+        windows = twin.cut_windows_between(
+            peaks.lit, peaks.dark, peaks.channel, peaks.line, column, half, core, 0.0
+        )
+    light: Floats = np.maximum(windows.signal, 0.0)
+    return light, column, windows.clipped > 0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Measured:
+    """Sub-pixel peaks, one entry for each candidate that is kept.
+
+    Attributes:
+        line, across, strength, variance, width, second, saturated: as in `LaserStripe`.
+    """
+
+    line: NDArray[np.intp]
+    across: Floats
+    strength: Floats
+    variance: Floats
+    width: Floats
+    second: Floats
+    saturated: NDArray[np.bool_]
+
+
+def stripes_of(
+    found: Measured, orientation: Orientation, count: int, smooth_rows: int = 0, measures_noise: bool = False
+) -> list[LaserStripe]:
+    """Peaks made into `count` stripes, in the order in which they lie across the lines.
+
+    Peaks without neighbours along the stripe are left out. Where a line has fewer peaks than there are
+    stripes, each goes to the stripe that is nearest on the nearest complete line.
+    """
+    track = _tracks(found.line, found.across, count)
+    return [
+        _stripe(found, np.flatnonzero(track == number), orientation, smooth_rows, measures_noise)
+        for number in range(count)
+    ]
+
+
+def _stripe(
+    found: Measured, which: NDArray[np.intp], orientation: Orientation, smooth_rows: int, measures_noise: bool
+) -> LaserStripe:
+    which = which[has_company(found.line[which], found.across[which])]
+    line, across, variance = found.line[which], found.across[which], found.variance[which]
+    segment = segments_of(line, across)
+    if measures_noise:
+        variance = variance * noise_scale(across, variance, segment)
+    across, variance = smooth_within(line, across, variance, segment, smooth_rows)
+    along = line.astype(np.float64)
+    pixels = np.column_stack([across, along] if orientation == "vertical" else [along, across])
+    return LaserStripe(
+        pixels, line, found.strength[which], variance, found.width[which], found.second[which], segment,
+        found.saturated[which],
+    )  # fmt: skip
+
+
+def _tracks(line: NDArray[np.intp], across: Floats, count: int) -> NDArray[np.intp]:
+    """Which of the stripes (N,) each peak belongs to."""
+    track = np.zeros(len(line), np.intp)
+    if count == 1 or len(line) == 0:
+        return track
+    order = np.lexsort((across, line))
+    lines, starts, many = np.unique(line[order], return_index=True, return_counts=True)
+    complete = np.flatnonzero(many == count)
+    rank = np.arange(len(line)) - np.repeat(starts, many)
+    if len(complete) == 0:
+        track[order] = rank
+        return track
+    places = across[order][starts[complete][:, None] + np.arange(count)]
+    for index in np.flatnonzero(many != count):
+        after = int(np.searchsorted(complete, index))
+        near = [k for k in (after - 1, after) if 0 <= k < len(complete)]
+        nearest = min(near, key=lambda k: abs(int(lines[complete[k]]) - int(lines[index])))
+        own = slice(starts[index], starts[index] + many[index])
+        gaps = np.abs(across[order][own][:, None] - places[nearest])
+        rank[own] = _distinct(gaps)
+    track[order] = rank
+    return track
+
+
+def _distinct(gaps: Floats) -> NDArray[np.intp]:
+    """Nearest stripe of each peak, no two alike; gaps (peaks, stripes) with fewer peaks than stripes."""
+    left = gaps.copy()
+    chosen = np.zeros(len(gaps), np.intp)
+    for _ in range(len(gaps)):
+        peak, stripe = np.unravel_index(int(np.argmin(left)), left.shape)
+        chosen[peak] = stripe
+        left[peak, :] = np.inf
+        left[:, stripe] = np.inf
+    return chosen

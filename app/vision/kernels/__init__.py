@@ -1,0 +1,52 @@
+"""The loops over pixels: compiled where numba is installed, NumPy and OpenCV where it is not."""
+
+import importlib
+from functools import cache
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.vision.kernels import twin
+from app.vision.kernels.results import Peaks, Refined, Shape, Windows
+from app.vision.stripe import Image
+
+
+class Kernels(Protocol):
+    """Both implementations; described in `twin`."""
+
+    def find_peaks_between(self, lit: Image, dark: Image, channel: int, least: int, count: int) -> Peaks: ...
+
+    def find_peaks(self, response: Image, least: int, count: int) -> Peaks: ...
+
+    def cut_windows_between(
+        self, lit: Image, dark: Image, channel: int, line: NDArray[np.intp], column: NDArray[np.intp],
+        half: int, core: int, albedo_noise: float,
+    ) -> Windows: ...  # fmt: skip
+
+    def cut_windows(
+        self, lit: Image, channel: int, line: NDArray[np.intp], column: NDArray[np.intp], half: int, core: int
+    ) -> Windows: ...
+
+    def refine(self, windows: Windows, shape: Shape, scored: NDArray[np.bool_]) -> Refined: ...
+
+
+@cache
+def kernels(compiled: bool | None = None) -> Kernels:
+    """The compiled kernels or their NumPy twin.
+
+    Args:
+        compiled: which; None takes the compiled ones where they can be had.
+
+    Raises:
+        ImportError: compiled ones are asked for and numba is missing.
+    """
+    if compiled is False:
+        return twin
+    try:
+        fast: Kernels = importlib.import_module("app.vision.kernels.compiled")
+    except ImportError:
+        if compiled:
+            raise
+        return twin
+    return fast

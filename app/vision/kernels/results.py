@@ -1,0 +1,105 @@
+"""What a kernel hands back; the compiled kernels and their NumPy twin share it."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.geometry.arrays import Floats
+
+CLIPPED_FROM = 250
+"""A pixel this bright tells only that it was brighter."""
+REACH = 48
+"""How far from its summit a peak is followed, px."""
+SCORING_ROUNDS = 3
+SCORING_REACH = 3.5
+"""Pixels this many sigmas around the stripe take part in the scoring."""
+
+
+class Peaks(NamedTuple):
+    """The strongest peaks of every line, strongest first.
+
+    Attributes:
+        height: (L, C) grey levels; 0 where the line has no such peak.
+        centre: (L, C) middle between the two places where the peak has fallen to half its height.
+        sigma: (L, C) the peak's sigma as its two flanks tell it; NaN where they do not.
+    """
+
+    height: Floats
+    centre: Floats
+    sigma: Floats
+
+
+class Windows(NamedTuple):
+    """The surroundings of N peaks, background taken off.
+
+    Attributes:
+        signal: (N, W) grey levels above the background; 0 outside the picture.
+        usable: (N, W) whether a pixel tells its value: inside the picture and not clipped.
+        clipped: (N,) how many pixels near the summit are clipped.
+        floor: (N,) what adds to the noise of every pixel whatever the stripe: grey levels of background
+            light that were seen, summed over the pictures it was seen in.
+        asymmetry: (N,) how much the background differs between the two sides, grey levels.
+    """
+
+    signal: Floats
+    usable: NDArray[np.bool_]
+    clipped: NDArray[np.intp]
+    floor: Floats
+    asymmetry: Floats
+
+    def select(self, which: NDArray[np.intp]) -> "Windows":
+        return Windows(
+            self.signal[which], self.usable[which], self.clipped[which], self.floor[which],
+            self.asymmetry[which],
+        )  # fmt: skip
+
+
+class Refined(NamedTuple):
+    """N stripe centres.
+
+    Attributes:
+        offset: (N,) position relative to the middle of the window, px.
+        amplitude: (N,) height of the stripe, grey levels.
+        width: (N,) sigma of the stripe, px.
+        variance: (N,) of the offset, px^2.
+        is_found: (N,) whether the line has a stripe at all; the rest of the row is meaningless otherwise.
+    """
+
+    offset: Floats
+    amplitude: Floats
+    width: Floats
+    variance: Floats
+    is_found: NDArray[np.bool_]
+
+
+class Shape(NamedTuple):
+    """How a stripe is expected to look, and how noisy the camera is.
+
+    Attributes:
+        sigma: of the stripe, px.
+        filter_sigma: of the kernel whose zero crossing is sought, px.
+        contrast: of the speckle, standard deviation over mean.
+        gain: electrons per grey level.
+        read_variance: of one pixel in the dark, grey levels squared.
+    """
+
+    sigma: float
+    filter_sigma: float
+    contrast: float
+    gain: float
+    read_variance: float
+
+    @property
+    def filter_radius(self) -> int:
+        """Beyond it the kernel has nothing left to say."""
+        return int(np.ceil(3.0 * self.filter_sigma))
+
+    @property
+    def search_radius(self) -> int:
+        """How far the zero crossing may lie from the middle of the window."""
+        return int(np.ceil(1.2 * self.filter_sigma)) + 2
+
+    @property
+    def half_window(self) -> int:
+        return self.filter_radius + self.search_radius

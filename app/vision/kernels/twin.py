@@ -1,0 +1,296 @@
+"""The stripe kernels in NumPy and OpenCV: the reference, and what runs where numba is missing.
+
+A kernel works on lines: each row of the arrays it gets crosses the stripe once.
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from app.geometry.arrays import Floats
+from app.vision.kernels.results import (
+    CLIPPED_FROM,
+    REACH,
+    SCORING_REACH,
+    SCORING_ROUNDS,
+    Peaks,
+    Refined,
+    Shape,
+    Windows,
+)
+from app.vision.stripe import Image
+
+
+def difference(lit: Image, dark: Image, channel: int) -> Image:
+    """How much brighter (H, W) each pixel of one channel is with the laser on; never below 0."""
+    if lit.ndim == 2:
+        return np.asarray(cv2.subtract(lit, dark), np.uint8)
+    return np.asarray(
+        cv2.subtract(cv2.extractChannel(lit, channel), cv2.extractChannel(dark, channel)), np.uint8
+    )
+
+
+def find_peaks_between(lit: Image, dark: Image, channel: int, least: int, count: int) -> Peaks:
+    """The `count` strongest peaks of every line of lit minus dark."""
+    return find_peaks(difference(lit, dark, channel), least, count)
+
+
+def find_peaks(response: Image, least: int, count: int) -> Peaks:
+    """The `count` strongest peaks of every line.
+
+    Args:
+        response: (H, W) laser light, 0 where there is none.
+        least: a dimmer summit is none, 1..255.
+        count: peaks per line.
+    """
+    lines, width = response.shape
+    height, centre = np.zeros((lines, count)), np.zeros((lines, count))
+    sigma = np.full((lines, count), np.nan)
+    left = response.copy() if count > 1 else response
+    for rank in range(count):
+        column = np.argmax(left, axis=1)
+        summit = left[np.arange(lines), column]
+        which = np.flatnonzero(summit >= max(least, 1))
+        if len(which) == 0:
+            break
+        column, peak = column[which], summit[which].astype(np.float64)
+        padded = np.zeros((len(which), 2 * REACH + 1))
+        across = column[:, None] + np.arange(-REACH, REACH + 1)
+        inside = (across >= 0) & (across < width)
+        padded[inside] = left[np.broadcast_to(which[:, None], across.shape)[inside], across[inside]]
+        to_left, to_right = padded[:, REACH::-1], padded[:, REACH:]
+        half = _fall(to_left, 0.5 * peak), _fall(to_right, 0.5 * peak)
+        high = _fall(to_left, 0.65 * peak) + _fall(to_right, 0.65 * peak)
+        low = _fall(to_left, 0.3 * peak) + _fall(to_right, 0.3 * peak)
+        height[which, rank] = peak
+        centre[which, rank] = column + 0.5 * (half[1] - half[0])
+        with np.errstate(invalid="ignore"):
+            sigma[which, rank] = np.sqrt((low * low - high * high) / (8.0 * np.log(0.65 / 0.3)))
+        if rank + 1 < count:
+            ends = _fall(to_left, 0.25 * peak), _fall(to_right, 0.25 * peak)
+            spread = np.ceil(ends[0] + ends[1])
+            columns = np.arange(width)
+            taken = (columns >= (column - ends[0] - spread)[:, None]) & (
+                columns <= (column + ends[1] + spread)[:, None]
+            )
+            left[which] = np.where(taken, 0, left[which])
+    return Peaks(height, centre, sigma)
+
+
+def _fall(flank: Floats, level: Floats) -> Floats:
+    """How far from the summit (N, R + 1) the flank crosses a level for the first time; R where never."""
+    below = flank[:, 1:] < level[:, None]
+    at = np.argmax(below, axis=1)
+    rows = np.arange(len(flank))
+    upper, lower = flank[rows, at], flank[rows, at + 1]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = at + (upper - level) / (upper - lower)
+    return np.where(below.any(axis=1), distance, float(flank.shape[1] - 1))
+
+
+def cut_windows_between(
+    lit: Image,
+    dark: Image,
+    channel: int,
+    line: NDArray[np.intp],
+    column: NDArray[np.intp],
+    half: int,
+    core: int,
+    albedo_noise: float,
+) -> Windows:
+    """Windows of lit minus dark, evened out where the surface itself changes its brightness.
+
+    Args:
+        lit, dark: (H, W, 3) or (H, W).
+        channel: which channel of a colour picture.
+        line, column: (N,) middle of each window.
+        half: pixels to either side.
+        core: clipped pixels are counted this far from the middle.
+        albedo_noise: variance of a dark pixel beyond its shot noise; 0 leaves the albedo alone.
+    """
+    on, inside = _cut(lit, channel, line, column, half)
+    off, _ = _cut(dark, channel, line, column, half)
+    is_clipped = on >= CLIPPED_FROM
+    signal = np.where(inside, on - off, 0.0)
+    count = np.maximum(inside.sum(axis=1), 1)
+    level = np.where(inside, off, 0.0).sum(axis=1) / count
+    clipped = is_clipped[:, half - core : half + core + 1].sum(axis=1)
+    if albedo_noise > 0.0:
+        spread = np.where(inside, (off - level[:, None]) ** 2, 0.0).sum(axis=1) / count
+        darkest = np.where(inside, off, np.inf).min(axis=1)
+        evens = (darkest >= 25.0) & (spread > 0.01 * level * level) & (clipped == 0)
+        evens &= spread > 16.0 * (albedo_noise + 0.03 * level)
+        share = np.where(evens[:, None] & inside, level[:, None] / np.maximum(off, 1.0), 1.0)
+        signal = signal * share
+    return Windows(signal, inside & ~is_clipped, clipped, 2.0 * level, np.zeros(len(line)))
+
+
+def cut_windows(
+    lit: Image, channel: int, line: NDArray[np.intp], column: NDArray[np.intp], half: int, core: int
+) -> Windows:
+    """Windows of one picture; the background is what lies beyond the core on either side.
+
+    Args:
+        lit: (H, W, 3) or (H, W).
+        channel: which channel of a colour picture.
+        line, column: (N,) middle of each window.
+        half: pixels to either side.
+        core: the stripe reaches this far from the middle.
+    """
+    on, inside = _cut(lit, channel, line, column, half)
+    is_clipped = on >= CLIPPED_FROM
+    sides = []
+    for part in (slice(0, half - core), slice(half + core + 1, 2 * half + 1)):
+        level = np.where(inside[:, part], on[:, part], 0.0).sum(axis=1)
+        many = inside[:, part].sum(axis=1)
+        sides.append(np.where(many > 0, level / np.maximum(many, 1), np.nan))
+    before = np.where(np.isnan(sides[0]), sides[1], sides[0])
+    after = np.where(np.isnan(sides[1]), sides[0], sides[1])
+    # Between the two flanks' middles the background goes in a straight line.
+    reach = float(half + core + 1)
+    offsets = np.arange(-half, half + 1)
+    slope = (after - before) / reach
+    background = 0.5 * (before + after)[:, None] + slope[:, None] * offsets
+    signal = np.where(inside, on - background, 0.0)
+    clipped = is_clipped[:, half - core : half + core + 1].sum(axis=1)
+    return Windows(signal, inside & ~is_clipped, clipped, 0.5 * (before + after), np.abs(after - before))
+
+
+def _cut(
+    image: Image, channel: int, line: NDArray[np.intp], column: NDArray[np.intp], half: int
+) -> tuple[Floats, NDArray[np.bool_]]:
+    across = column[:, None] + np.arange(-half, half + 1)
+    inside = (across >= 0) & (across < image.shape[1])
+    plane = image if image.ndim == 2 else image[:, :, channel]
+    values = plane[line[:, None], np.clip(across, 0, image.shape[1] - 1)].astype(np.float64)
+    return np.where(inside, values, 0.0), inside
+
+
+def refine(windows: Windows, shape: Shape, scored: NDArray[np.bool_]) -> Refined:
+    """Sub-pixel centres: zero crossing of the response to k exp(-k^2 / 2 sf^2), then Fisher scoring.
+
+    Args:
+        windows: at least `half_window` of the shape to either side.
+        shape: what to look for.
+        scored: (N,) which lines take the scoring step.
+    """
+    signal = windows.signal
+    n, half = len(signal), signal.shape[1] // 2
+    offsets = np.arange(-half, half + 1, dtype=np.float64)
+    near = np.abs(offsets) <= 2.5 * shape.sigma
+    positive = np.maximum(signal[:, near], 0.0)
+    mass = positive.sum(axis=1)
+    gravity = np.clip(
+        positive @ offsets[near] / np.maximum(mass, 1e-9), -shape.search_radius, shape.search_radius
+    )
+
+    taps = np.arange(-shape.filter_radius, shape.filter_radius + 1, dtype=np.float64)
+    kernel = taps * np.exp(-(taps**2) / (2.0 * shape.filter_sigma**2))
+    spots = np.arange(-shape.search_radius, shape.search_radius + 1)
+    bank = np.zeros((len(offsets), len(spots)))
+    for index, spot in enumerate(spots):
+        start = half + spot - shape.filter_radius
+        bank[start : start + len(kernel), index] = kernel
+    response = signal @ bank
+    before, after = response[:, :-1], response[:, 1:]
+    crosses = (before > 0.0) & (after <= 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        place = spots[:-1] + before / (before - after)
+    distance = np.where(crosses, np.abs(place - gravity[:, None]), np.inf)
+    best = np.argmin(distance, axis=1)
+    rows = np.arange(n)
+    is_found = np.isfinite(distance[rows, best]) & (mass > 0.0)
+    x = np.where(is_found, place[rows, best], 0.0)
+    # The response falls off as a Gaussian away from the crossing; without it the line is straight.
+    rate = 0.5 / (shape.sigma**2 + shape.filter_sigma**2)
+    step = x - spots[best]
+    upper = before[rows, best] * np.exp(rate * step * step)
+    lower = after[rows, best] * np.exp(rate * (1.0 - step) ** 2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        x = np.where(is_found, spots[best] + upper / (upper - lower), 0.0)
+
+    floor = shape.read_variance + windows.floor / shape.gain
+    inner = windows.usable & (np.abs(offsets - x[:, None]) <= 2.0 * shape.sigma)
+    g = np.where(inner, _bell(offsets - x[:, None], shape.sigma), 0.0)
+    energy = (g * g).sum(axis=1)
+    amplitude = np.where(energy > 0.0, (g * signal).sum(axis=1) / np.maximum(energy, 1e-12), 0.0)
+    variance = _crossing_variance(x, amplitude, floor, shape, offsets, taps, kernel)
+    width = _width(signal, x, shape, offsets)
+    is_found &= (amplitude > 0.0) & np.isfinite(variance)
+    if scored.any():
+        chosen = scored & is_found
+        x_s, a_s, v_s, fits = _score(signal, windows.usable, x, amplitude, floor, shape, offsets)
+        chosen &= fits
+        x, amplitude = np.where(chosen, x_s, x), np.where(chosen, a_s, amplitude)
+        variance = np.where(chosen, v_s, variance)
+    return Refined(x, amplitude, width, variance, is_found)
+
+
+def _bell(distance: Floats, sigma: float) -> Floats:
+    bell: Floats = np.exp(-(distance**2) / (2.0 * sigma * sigma))
+    return bell
+
+
+def _crossing_variance(
+    x: Floats, amplitude: Floats, floor: Floats, shape: Shape, offsets: Floats, taps: Floats, kernel: Floats
+) -> Floats:
+    """Noise through the kernel over the slope of the response, squared."""
+    middle = np.rint(x)
+    m = amplitude[:, None] * _bell(taps + (middle - x)[:, None], shape.sigma)
+    noise = shape.contrast**2 * m * m + np.maximum(m, 0.0) / shape.gain + floor[:, None]
+    slope = (m * (taps + (middle - x)[:, None])) @ kernel / shape.sigma**2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        variance: Floats = (noise @ (kernel * kernel)) / (slope * slope)
+    return variance
+
+
+def _width(signal: Floats, x: Floats, shape: Shape, offsets: Floats) -> Floats:
+    """Sigma from the second moment under a bell of known sigma, which keeps far noise out."""
+    distance = offsets - x[:, None]
+    under = signal * _bell(distance, shape.filter_sigma)
+    mass = under.sum(axis=1)
+    moment = (under * distance**2).sum(axis=1) / np.where(mass > 0.0, mass, np.nan)
+    bell = shape.filter_sigma**2
+    # Two bells multiplied: 1 / moment = 1 / bell + 1 / sigma^2; a moment near the bell's own tells nothing.
+    share = np.clip(moment / bell, 0.01, 0.95)
+    width = np.sqrt(bell * share / (1.0 - share))
+    return np.where(np.isfinite(width), width, 0.0)
+
+
+def _score(
+    signal: Floats,
+    usable: NDArray[np.bool_],
+    start: Floats,
+    amplitude: Floats,
+    floor: Floats,
+    shape: Shape,
+    offsets: Floats,
+) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
+    """Fisher scoring of position and amplitude of a bell; its information gives the variance."""
+    x, a = start.copy(), amplitude.copy()
+    contrast2 = shape.contrast**2
+    inner = usable & (np.abs(offsets - start[:, None]) <= SCORING_REACH * shape.sigma)
+    information = np.zeros(len(x))
+    for _ in range(SCORING_ROUNDS + 1):
+        distance = offsets - x[:, None]
+        g = _bell(distance, shape.sigma)
+        m = a[:, None] * g
+        weight = np.where(inner, 1.0 / (contrast2 * m * m + m / shape.gain + floor[:, None]), 0.0)
+        by_x = m * distance / shape.sigma**2
+        residual = signal - m
+        xx = (weight * by_x * by_x).sum(axis=1)
+        xa = (weight * by_x * g).sum(axis=1)
+        aa = (weight * g * g).sum(axis=1)
+        determinant = xx * aa - xa * xa
+        sound = determinant > 1e-12 * xx * aa
+        safe = np.where(sound, determinant, 1.0)
+        information = np.where(sound, determinant / np.maximum(aa, 1e-300), 0.0)
+        bx = (weight * by_x * residual).sum(axis=1)
+        ba = (weight * g * residual).sum(axis=1)
+        dx = np.where(sound, (aa * bx - xa * ba) / safe, 0.0)
+        da = np.where(sound, (xx * ba - xa * bx) / safe, 0.0)
+        dx = np.clip(dx, -0.5 * shape.sigma, 0.5 * shape.sigma)
+        x = x + dx
+        a = np.clip(a + da, 0.5 * a, 2.0 * a)
+    fits = (information > 0.0) & (np.abs(x - start) <= shape.sigma)
+    return x, a, 1.0 / np.where(information > 0.0, information, 1.0), fits
