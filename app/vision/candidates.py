@@ -48,12 +48,11 @@ def find_candidates(view: LaserView, min_strength: float, count: int, kernels: K
     channel = laser_channel(lit, dark, view.colour)
     least = _least_height(lit, dark, channel, min_strength)
     if dark is None:
-        peaks = kernels.find_peaks(ridge_response(lit, channel, view.colour), least, count + 1)
+        peaks = kernels.find_peaks(*ridge_response(lit, channel, view.colour), least, count + 1)
     else:
         peaks = kernels.find_peaks_between(lit, dark, channel, least, count + 1)
     height = peaks.height[:, :count]
-    line = np.repeat(np.arange(len(height)), np.count_nonzero(height, axis=1))
-    rank = np.nonzero(height)[1]
+    line, rank = np.divmod(np.flatnonzero(height), count)
     heights = height[line, rank]
     second = np.minimum(peaks.height[line, count] / heights, 1.0)
     sigmas = peaks.sigma[line, rank]
@@ -92,7 +91,7 @@ def run_windows(peaks: Candidates) -> tuple[Floats, NDArray[np.intp], NDArray[np
     half = int(np.ceil(5.0 * peaks.sigma)) + 2
     core = int(np.ceil(3.0 * peaks.sigma))
     if peaks.dark is None:
-        windows = twin.cut_windows(peaks.lit, peaks.channel, peaks.line, column, half, core)
+        windows = twin.cut_windows(peaks.lit, peaks.channel, peaks.line, column, half, core, 2)
     else:
         windows = twin.cut_windows_between(
             peaks.lit, peaks.dark, peaks.channel, peaks.line, column, half, core, 0.0

@@ -9,8 +9,6 @@ from app.vision.stripe import Image, LaserColour, LaserView
 _CHANNELS = {"blue": 0, "green": 1, "red": 2}
 # A background structure at least this wide, as a share of the line, is no stripe.
 _STRIPE_SHARE = 0.03
-# A ridge whose colour rises by less than this share of its height is something white.
-_COLOURED_SHARE = 0.25
 
 
 def across_lines(view: LaserView) -> tuple[Image, Image | None]:
@@ -51,7 +49,7 @@ def laser_response(view: LaserView) -> Image:
     lit, dark = across_lines(view)
     channel = laser_channel(lit, dark, view.colour)
     if dark is None:
-        response = ridge_response(lit, channel, view.colour)
+        response, _ = ridge_response(lit, channel, view.colour)
     elif lit.ndim == 2:
         response = np.asarray(cv2.subtract(lit, dark), np.uint8)
     else:
@@ -61,14 +59,19 @@ def laser_response(view: LaserView) -> Image:
     return response if view.orientation == "vertical" else np.swapaxes(response, 0, 1)
 
 
-def ridge_response(lit: Image, channel: int, colour: LaserColour) -> Image:
-    """Laser light (L, W) in a picture without a partner, rows across the stripe."""
+def ridge_response(lit: Image, channel: int, colour: LaserColour) -> tuple[Image, Image]:
+    """Laser light in a picture without a partner, rows across the stripe.
+
+    Returns:
+        response (L, W), how much each pixel looks like laser, and light (L, W), how far it rises above its
+        surroundings whatever its colour. The light has the stripe's true shape; the response is cut off where
+        the colour does not vouch for all of it.
+    """
     plane = lit if lit.ndim == 2 else np.asarray(cv2.extractChannel(lit, channel), np.uint8)
-    ridge = _top_hat(plane)
+    light = _top_hat(plane)
     if lit.ndim == 2 or colour == "any":
-        return ridge
-    rise = _colour_rise(lit, channel)
-    return np.where(rise >= _COLOURED_SHARE * ridge, ridge, rise)
+        return light, light
+    return np.minimum(light, _colour_rise(lit, channel)), light
 
 
 def laser_mask(response: Image, level: float) -> NDArray[np.bool_]:

@@ -14,7 +14,8 @@ class ThresholdDetector:
     """Middle of the lit pixels of each line, whole and half pixels.
 
     The paper makes a point of every lit pixel. Their mean on a line is the same stripe with one point per
-    line, as the other detectors have it; lit pixels apart from the run that holds the brightest one are left out.
+    line, as the other detectors have it; lit pixels apart from the run that holds the brightest one are left
+    out.
 
     Attributes:
         min_strength: a pixel with less laser light is dark, grey levels.

@@ -96,8 +96,9 @@ class ZeroCrossingDetector:
     def _cut(self, peaks: Candidates, column: NDArray[np.intp], shape: Shape, fast: Kernels) -> Windows:
         core = int(np.ceil(_FOOT_SIGMAS * shape.sigma))
         if peaks.dark is None:
-            half = max(shape.half_window, core + 3)
-            return fast.cut_windows(peaks.lit, peaks.channel, peaks.line, column, half, core)
+            foot = max(4, int(np.ceil(shape.sigma)))
+            half = max(shape.half_window, core + foot)
+            return fast.cut_windows(peaks.lit, peaks.channel, peaks.line, column, half, core, foot)
         albedo_noise = self.read_noise**2 if self.evens_albedo else 0.0
         return fast.cut_windows_between(
             peaks.lit, peaks.dark, peaks.channel, peaks.line, column, shape.half_window, core, albedo_noise

@@ -17,7 +17,7 @@ class Kernels(Protocol):
 
     def find_peaks_between(self, lit: Image, dark: Image, channel: int, least: int, count: int) -> Peaks: ...
 
-    def find_peaks(self, response: Image, least: int, count: int) -> Peaks: ...
+    def find_peaks(self, response: Image, light: Image, least: int, count: int) -> Peaks: ...
 
     def cut_windows_between(
         self, lit: Image, dark: Image, channel: int, line: NDArray[np.intp], column: NDArray[np.intp],
@@ -25,8 +25,9 @@ class Kernels(Protocol):
     ) -> Windows: ...  # fmt: skip
 
     def cut_windows(
-        self, lit: Image, channel: int, line: NDArray[np.intp], column: NDArray[np.intp], half: int, core: int
-    ) -> Windows: ...
+        self, lit: Image, channel: int, line: NDArray[np.intp], column: NDArray[np.intp], half: int,
+        core: int, foot: int,
+    ) -> Windows: ...  # fmt: skip
 
     def refine(self, windows: Windows, shape: Shape, scored: NDArray[np.bool_]) -> Refined: ...
 

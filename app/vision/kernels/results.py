@@ -11,6 +11,10 @@ CLIPPED_FROM = 250
 """A pixel this bright tells only that it was brighter."""
 REACH = 48
 """How far from its summit a peak is followed, px."""
+SUMMIT_REACH = 3
+"""The brightest pixel lies this near to the one that looks most like laser, px."""
+HIGH, LOW = 0.65, 0.3
+"""Shares of a peak's height at which its width is taken."""
 SCORING_ROUNDS = 3
 SCORING_REACH = 3.5
 """Pixels this many sigmas around the stripe take part in the scoring."""

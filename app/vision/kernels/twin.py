@@ -10,9 +10,12 @@ from numpy.typing import NDArray
 from app.geometry.arrays import Floats
 from app.vision.kernels.results import (
     CLIPPED_FROM,
+    HIGH,
+    LOW,
     REACH,
     SCORING_REACH,
     SCORING_ROUNDS,
+    SUMMIT_REACH,
     Peaks,
     Refined,
     Shape,
@@ -32,15 +35,17 @@ def difference(lit: Image, dark: Image, channel: int) -> Image:
 
 def find_peaks_between(lit: Image, dark: Image, channel: int, least: int, count: int) -> Peaks:
     """The `count` strongest peaks of every line of lit minus dark."""
-    return find_peaks(difference(lit, dark, channel), least, count)
+    response = difference(lit, dark, channel)
+    return find_peaks(response, response, least, count)
 
 
-def find_peaks(response: Image, least: int, count: int) -> Peaks:
+def find_peaks(response: Image, light: Image, least: int, count: int) -> Peaks:
     """The `count` strongest peaks of every line.
 
     Args:
-        response: (H, W) laser light, 0 where there is none.
-        least: a dimmer summit is none, 1..255.
+        response: (H, W) how much each pixel looks like laser; it decides where the peaks are.
+        light: (H, W) brightness above the surroundings; it decides what shape they have.
+        least: a lower summit of the response is none, 1..255.
         count: peaks per line.
     """
     lines, width = response.shape
@@ -53,20 +58,22 @@ def find_peaks(response: Image, least: int, count: int) -> Peaks:
         which = np.flatnonzero(summit >= max(least, 1))
         if len(which) == 0:
             break
-        column, peak = column[which], summit[which].astype(np.float64)
-        padded = np.zeros((len(which), 2 * REACH + 1))
+        height[which, rank] = summit[which]
+        column = column[which]
+        near = np.clip(column[:, None] + np.arange(-SUMMIT_REACH, SUMMIT_REACH + 1), 0, width - 1)
+        column = near[np.arange(len(which)), np.argmax(light[which[:, None], near], axis=1)]
+        peak = light[which, column].astype(np.float64)
         across = column[:, None] + np.arange(-REACH, REACH + 1)
         inside = (across >= 0) & (across < width)
-        padded[inside] = left[np.broadcast_to(which[:, None], across.shape)[inside], across[inside]]
-        to_left, to_right = padded[:, REACH::-1], padded[:, REACH:]
-        half = _fall(to_left, 0.5 * peak), _fall(to_right, 0.5 * peak)
-        high = _fall(to_left, 0.65 * peak) + _fall(to_right, 0.65 * peak)
-        low = _fall(to_left, 0.3 * peak) + _fall(to_right, 0.3 * peak)
-        height[which, rank] = peak
-        centre[which, rank] = column + 0.5 * (half[1] - half[0])
-        with np.errstate(invalid="ignore"):
-            sigma[which, rank] = np.sqrt((low * low - high * high) / (8.0 * np.log(0.65 / 0.3)))
+        around = np.where(inside, light[which[:, None], np.clip(across, 0, width - 1)], 0).astype(np.float64)
+        to_left, to_right = around[:, REACH::-1], around[:, REACH:]
+        high = _fall(to_left, HIGH * peak) + _fall(to_right, HIGH * peak)
+        low = _fall(to_left, LOW * peak) + _fall(to_right, LOW * peak)
+        centre[which, rank] = column + 0.5 * (_fall(to_right, 0.5 * peak) - _fall(to_left, 0.5 * peak))
+        # A bell's squared widths at two heights differ by 8 sigma^2 log(high / low), clipped or not.
+        sigma[which, rank] = np.sqrt(np.maximum(low * low - high * high, 0.0) / (8.0 * np.log(HIGH / LOW)))
         if rank + 1 < count:
+            # A peak ends where it has fallen to a quarter, and as much again further out.
             ends = _fall(to_left, 0.25 * peak), _fall(to_right, 0.25 * peak)
             spread = np.ceil(ends[0] + ends[1])
             columns = np.arange(width)
@@ -126,9 +133,15 @@ def cut_windows_between(
 
 
 def cut_windows(
-    lit: Image, channel: int, line: NDArray[np.intp], column: NDArray[np.intp], half: int, core: int
+    lit: Image,
+    channel: int,
+    line: NDArray[np.intp],
+    column: NDArray[np.intp],
+    half: int,
+    core: int,
+    foot: int,
 ) -> Windows:
-    """Windows of one picture; the background is what lies beyond the core on either side.
+    """Windows of one picture; the background is what lies just beyond the core on either side.
 
     Args:
         lit: (H, W, 3) or (H, W).
@@ -136,18 +149,19 @@ def cut_windows(
         line, column: (N,) middle of each window.
         half: pixels to either side.
         core: the stripe reaches this far from the middle.
+        foot: pixels beyond it that show the background; half is at least core + foot.
     """
     on, inside = _cut(lit, channel, line, column, half)
     is_clipped = on >= CLIPPED_FROM
     sides = []
-    for part in (slice(0, half - core), slice(half + core + 1, 2 * half + 1)):
+    for part in (slice(half - core - foot, half - core), slice(half + core + 1, half + core + 1 + foot)):
         level = np.where(inside[:, part], on[:, part], 0.0).sum(axis=1)
         many = inside[:, part].sum(axis=1)
         sides.append(np.where(many > 0, level / np.maximum(many, 1), np.nan))
     before = np.where(np.isnan(sides[0]), sides[1], sides[0])
     after = np.where(np.isnan(sides[1]), sides[0], sides[1])
     # Between the two flanks' middles the background goes in a straight line.
-    reach = float(half + core + 1)
+    reach = float(2 * core + foot + 1)
     offsets = np.arange(-half, half + 1)
     slope = (after - before) / reach
     background = 0.5 * (before + after)[:, None] + slope[:, None] * offsets
