@@ -47,6 +47,13 @@ class BoardSpec:
             return self.rows - 1, self.columns - 1
         return self.rows, self.columns
 
+    @property
+    def description(self) -> str:
+        """The board as a person would order it."""
+        name = self.kind.replace("_", " ")
+        text = f"{name} {self.columns} x {self.rows}, {self.spacing_mm:g} mm"
+        return f"{text}, markers {self.marker_mm:g} mm {self.dictionary}" if self.kind == "charuco" else text
+
     def points(self) -> Points:
         """Every corner on the board, (N, 3) mm, z = 0, in the order of their numbers."""
         rows, columns = self.shape
