@@ -48,9 +48,9 @@ def find_candidates(view: LaserView, min_strength: float, count: int, kernels: K
     channel = laser_channel(lit, dark, view.colour)
     least = _least_height(lit, dark, channel, min_strength)
     if dark is None:
-        peaks = kernels.find_peaks(*ridge_response(lit, channel, view.colour), least, count + 1)
+        peaks = kernels.find_peaks(*ridge_response(lit, channel, view.colour), least, count)
     else:
-        peaks = kernels.find_peaks_between(lit, dark, channel, least, count + 1)
+        peaks = kernels.find_peaks_between(lit, dark, channel, least, count)
     height = peaks.height[:, :count]
     line, rank = np.divmod(np.flatnonzero(height), count)
     heights = height[line, rank]

@@ -34,7 +34,7 @@ def measured_shape(windows: Windows, shape: Shape, kernels: Kernels, is_sigma_kn
     half = sample.signal.shape[1] // 2
     offsets = np.arange(-half, half + 1)
     for _ in range(_ROUNDS):
-        fit = kernels.refine(sample, shape, np.ones(len(lines), np.bool_))
+        _, fit = kernels.refine(sample, shape, True)
         distance = offsets - fit.offset[:, None]
         inside = sample.usable & fit.is_found[:, None] & (np.abs(distance) <= SCORING_REACH * shape.sigma)
         if np.count_nonzero(inside) < _LEAST_PIXELS:

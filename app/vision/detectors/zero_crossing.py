@@ -111,12 +111,9 @@ class ZeroCrossingDetector:
         if self.measures_noise:
             windows = windows._replace(floor=np.zeros(n))
             shape = measured_shape(windows, shape, fast, self.sigma_px > 0.0)
-        if self.scoring is False:
-            return fast.refine(windows, shape, np.zeros(n, np.bool_))
-        scored = fast.refine(windows, shape, np.ones(n, np.bool_))
-        if self.scoring:
+        plain, scored = fast.refine(windows, shape, self.scoring is not False)
+        if self.scoring is not None:
             return scored
-        plain = fast.refine(windows, shape, np.zeros(n, np.bool_))
         is_smooth = _rough(scored, peaks, column) <= _ROUGHER * _rough(plain, peaks, column)
         return scored if is_smooth else plain
 

@@ -29,7 +29,7 @@ class Kernels(Protocol):
         core: int, foot: int,
     ) -> Windows: ...  # fmt: skip
 
-    def refine(self, windows: Windows, shape: Shape, scored: NDArray[np.bool_]) -> Refined: ...
+    def refine(self, windows: Windows, shape: Shape, is_scored: bool) -> tuple[Refined, Refined]: ...
 
 
 @cache

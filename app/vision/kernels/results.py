@@ -15,16 +15,18 @@ SUMMIT_REACH = 3
 """The brightest pixel lies this near to the one that looks most like laser, px."""
 HIGH, LOW = 0.65, 0.3
 """Shares of a peak's height at which its width is taken."""
-SCORING_ROUNDS = 3
+AMPLITUDE_REACH = 2.0
+SCORING_ROUNDS = 4
 SCORING_REACH = 3.5
-"""Pixels this many sigmas around the stripe take part in the scoring."""
+"""Pixels this many sigmas around the stripe tell its amplitude, and take part in the scoring."""
 
 
 class Peaks(NamedTuple):
     """The strongest peaks of every line, strongest first.
 
     Attributes:
-        height: (L, C) grey levels; 0 where the line has no such peak.
+        height: (L, C + 1) grey levels; 0 where the line has no such peak. The last one only tells how strong
+            a rival the peaks before it have.
         centre: (L, C) middle between the two places where the peak has fallen to half its height.
         sigma: (L, C) the peak's sigma as its two flanks tell it; NaN where they do not.
     """
@@ -67,7 +69,7 @@ class Refined(NamedTuple):
         amplitude: (N,) height of the stripe, grey levels.
         width: (N,) sigma of the stripe, px.
         variance: (N,) of the offset, px^2.
-        is_found: (N,) whether the line has a stripe at all; the rest of the row is meaningless otherwise.
+        is_found: (N,) whether the line has a stripe; the other values of a line without one are 0.
     """
 
     offset: Floats

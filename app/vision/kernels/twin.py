@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from app.geometry.arrays import Floats
 from app.vision.kernels.results import (
+    AMPLITUDE_REACH,
     CLIPPED_FROM,
     HIGH,
     LOW,
@@ -34,13 +35,13 @@ def difference(lit: Image, dark: Image, channel: int) -> Image:
 
 
 def find_peaks_between(lit: Image, dark: Image, channel: int, least: int, count: int) -> Peaks:
-    """The `count` strongest peaks of every line of lit minus dark."""
+    """The `count` strongest peaks of every line of lit minus dark, and the height of the next."""
     response = difference(lit, dark, channel)
     return find_peaks(response, response, least, count)
 
 
 def find_peaks(response: Image, light: Image, least: int, count: int) -> Peaks:
-    """The `count` strongest peaks of every line.
+    """The `count` strongest peaks of every line, and the height of the next.
 
     Args:
         response: (H, W) how much each pixel looks like laser; it decides where the peaks are.
@@ -49,16 +50,18 @@ def find_peaks(response: Image, light: Image, least: int, count: int) -> Peaks:
         count: peaks per line.
     """
     lines, width = response.shape
-    height, centre = np.zeros((lines, count)), np.zeros((lines, count))
+    height, centre = np.zeros((lines, count + 1)), np.zeros((lines, count))
     sigma = np.full((lines, count), np.nan)
-    left = response.copy() if count > 1 else response
-    for rank in range(count):
+    left = response.copy()
+    for rank in range(count + 1):
         column = np.argmax(left, axis=1)
         summit = left[np.arange(lines), column]
         which = np.flatnonzero(summit >= max(least, 1))
         if len(which) == 0:
             break
         height[which, rank] = summit[which]
+        if rank == count:
+            break
         column = column[which]
         near = np.clip(column[:, None] + np.arange(-SUMMIT_REACH, SUMMIT_REACH + 1), 0, width - 1)
         column = near[np.arange(len(which)), np.argmax(light[which[:, None], near], axis=1)]
@@ -72,15 +75,14 @@ def find_peaks(response: Image, light: Image, least: int, count: int) -> Peaks:
         centre[which, rank] = column + 0.5 * (_fall(to_right, 0.5 * peak) - _fall(to_left, 0.5 * peak))
         # A bell's squared widths at two heights differ by 8 sigma^2 log(high / low), clipped or not.
         sigma[which, rank] = np.sqrt(np.maximum(low * low - high * high, 0.0) / (8.0 * np.log(HIGH / LOW)))
-        if rank + 1 < count:
-            # A peak ends where it has fallen to a quarter, and as much again further out.
-            ends = _fall(to_left, 0.25 * peak), _fall(to_right, 0.25 * peak)
-            spread = np.ceil(ends[0] + ends[1])
-            columns = np.arange(width)
-            taken = (columns >= (column - ends[0] - spread)[:, None]) & (
-                columns <= (column + ends[1] + spread)[:, None]
-            )
-            left[which] = np.where(taken, 0, left[which])
+        # A peak ends where it has fallen to a quarter, and as much again further out.
+        ends = _fall(to_left, 0.25 * peak), _fall(to_right, 0.25 * peak)
+        spread = np.ceil(ends[0] + ends[1])
+        columns = np.arange(width)
+        taken = (columns >= (column - ends[0] - spread)[:, None]) & (
+            columns <= (column + ends[1] + spread)[:, None]
+        )
+        left[which] = np.where(taken, 0, left[which])
     return Peaks(height, centre, sigma)
 
 
@@ -180,23 +182,26 @@ def _cut(
     return np.where(inside, values, 0.0), inside
 
 
-def refine(windows: Windows, shape: Shape, scored: NDArray[np.bool_]) -> Refined:
+def refine(windows: Windows, shape: Shape, is_scored: bool) -> tuple[Refined, Refined]:
     """Sub-pixel centres: zero crossing of the response to k exp(-k^2 / 2 sf^2), then Fisher scoring.
 
     Args:
         windows: at least `half_window` of the shape to either side.
         shape: what to look for.
-        scored: (N,) which lines take the scoring step.
+        is_scored: whether the scoring step is wanted; without it the second answer is the first.
+
+    Returns:
+        The plain zero crossings, and those improved by scoring, line for line.
     """
     signal = windows.signal
     n, half = len(signal), signal.shape[1] // 2
+    rows = np.arange(n)
     offsets = np.arange(-half, half + 1, dtype=np.float64)
     near = np.abs(offsets) <= 2.5 * shape.sigma
     positive = np.maximum(signal[:, near], 0.0)
     mass = positive.sum(axis=1)
-    gravity = np.clip(
-        positive @ offsets[near] / np.maximum(mass, 1e-9), -shape.search_radius, shape.search_radius
-    )
+    gravity = positive @ offsets[near] / np.maximum(mass, 1e-9)
+    gravity = np.clip(gravity, -shape.search_radius, shape.search_radius)
 
     taps = np.arange(-shape.filter_radius, shape.filter_radius + 1, dtype=np.float64)
     kernel = taps * np.exp(-(taps**2) / (2.0 * shape.filter_sigma**2))
@@ -208,36 +213,38 @@ def refine(windows: Windows, shape: Shape, scored: NDArray[np.bool_]) -> Refined
     response = signal @ bank
     before, after = response[:, :-1], response[:, 1:]
     crosses = (before > 0.0) & (after <= 0.0)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        place = spots[:-1] + before / (before - after)
+    place = spots[:-1] + before / np.where(crosses, before - after, 1.0)
     distance = np.where(crosses, np.abs(place - gravity[:, None]), np.inf)
     best = np.argmin(distance, axis=1)
-    rows = np.arange(n)
-    is_found = np.isfinite(distance[rows, best]) & (mass > 0.0)
-    x = np.where(is_found, place[rows, best], 0.0)
+    is_found = np.isfinite(distance[rows, best])
     # The response falls off as a Gaussian away from the crossing; without it the line is straight.
     rate = 0.5 / (shape.sigma**2 + shape.filter_sigma**2)
-    step = x - spots[best]
+    step = np.where(is_found, place[rows, best] - spots[best], 0.0)
     upper = before[rows, best] * np.exp(rate * step * step)
     lower = after[rows, best] * np.exp(rate * (1.0 - step) ** 2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        x = np.where(is_found, spots[best] + upper / (upper - lower), 0.0)
+    x = np.where(is_found, spots[best] + upper / np.where(is_found, upper - lower, 1.0), 0.0)
 
     floor = shape.read_variance + windows.floor / shape.gain
-    inner = windows.usable & (np.abs(offsets - x[:, None]) <= 2.0 * shape.sigma)
+    inner = windows.usable & (np.abs(offsets - x[:, None]) <= AMPLITUDE_REACH * shape.sigma)
     g = np.where(inner, _bell(offsets - x[:, None], shape.sigma), 0.0)
     energy = (g * g).sum(axis=1)
-    amplitude = np.where(energy > 0.0, (g * signal).sum(axis=1) / np.maximum(energy, 1e-12), 0.0)
-    variance = _crossing_variance(x, amplitude, floor, shape, offsets, taps, kernel)
+    amplitude = (g * signal).sum(axis=1) / np.where(energy > 0.0, energy, 1.0)
+    is_found &= amplitude > 0.0
+    variance = _crossing_variance(x, amplitude, floor, shape, taps, kernel)
     width = _width(signal, x, shape, offsets)
-    is_found &= (amplitude > 0.0) & np.isfinite(variance)
-    if scored.any():
-        chosen = scored & is_found
-        x_s, a_s, v_s, fits = _score(signal, windows.usable, x, amplitude, floor, shape, offsets)
-        chosen &= fits
-        x, amplitude = np.where(chosen, x_s, x), np.where(chosen, a_s, amplitude)
-        variance = np.where(chosen, v_s, variance)
-    return Refined(x, amplitude, width, variance, is_found)
+    plain = _only_found(x, amplitude, width, variance, is_found)
+    if not is_scored:
+        return plain, plain
+    scored = _score(signal, windows.usable, x, amplitude, floor, shape, offsets)
+    fits = is_found & scored[3]
+    improved = [np.where(fits, new, old) for new, old in zip(scored, (x, amplitude, variance), strict=False)]
+    return plain, _only_found(improved[0], improved[1], width, improved[2], is_found)
+
+
+def _only_found(
+    x: Floats, amplitude: Floats, width: Floats, variance: Floats, is_found: NDArray[np.bool_]
+) -> Refined:
+    return Refined(*(np.where(is_found, values, 0.0) for values in (x, amplitude, width, variance)), is_found)
 
 
 def _bell(distance: Floats, sigma: float) -> Floats:
@@ -246,15 +253,14 @@ def _bell(distance: Floats, sigma: float) -> Floats:
 
 
 def _crossing_variance(
-    x: Floats, amplitude: Floats, floor: Floats, shape: Shape, offsets: Floats, taps: Floats, kernel: Floats
+    x: Floats, amplitude: Floats, floor: Floats, shape: Shape, taps: Floats, kernel: Floats
 ) -> Floats:
     """Noise through the kernel over the slope of the response, squared."""
-    middle = np.rint(x)
-    m = amplitude[:, None] * _bell(taps + (middle - x)[:, None], shape.sigma)
+    distance = taps + (np.rint(x) - x)[:, None]
+    m = amplitude[:, None] * _bell(distance, shape.sigma)
     noise = shape.contrast**2 * m * m + np.maximum(m, 0.0) / shape.gain + floor[:, None]
-    slope = (m * (taps + (middle - x)[:, None])) @ kernel / shape.sigma**2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        variance: Floats = (noise @ (kernel * kernel)) / (slope * slope)
+    slope = (m * distance) @ kernel / shape.sigma**2
+    variance: Floats = (noise @ (kernel * kernel)) / np.maximum(slope * slope, 1e-12)
     return variance
 
 
@@ -263,12 +269,11 @@ def _width(signal: Floats, x: Floats, shape: Shape, offsets: Floats) -> Floats:
     distance = offsets - x[:, None]
     under = signal * _bell(distance, shape.filter_sigma)
     mass = under.sum(axis=1)
-    moment = (under * distance**2).sum(axis=1) / np.where(mass > 0.0, mass, np.nan)
+    moment = (under * distance**2).sum(axis=1) / np.where(mass > 0.0, mass, 1.0)
     bell = shape.filter_sigma**2
     # Two bells multiplied: 1 / moment = 1 / bell + 1 / sigma^2; a moment near the bell's own tells nothing.
     share = np.clip(moment / bell, 0.01, 0.95)
-    width = np.sqrt(bell * share / (1.0 - share))
-    return np.where(np.isfinite(width), width, 0.0)
+    return np.where(mass > 0.0, np.sqrt(bell * share / (1.0 - share)), 0.0)
 
 
 def _score(
@@ -281,11 +286,11 @@ def _score(
     offsets: Floats,
 ) -> tuple[Floats, Floats, Floats, NDArray[np.bool_]]:
     """Fisher scoring of position and amplitude of a bell; its information gives the variance."""
-    x, a = start.copy(), amplitude.copy()
+    x, a = start, amplitude
     contrast2 = shape.contrast**2
-    inner = usable & (np.abs(offsets - start[:, None]) <= SCORING_REACH * shape.sigma)
     information = np.zeros(len(x))
-    for _ in range(SCORING_ROUNDS + 1):
+    inner = usable & (np.abs(offsets - start[:, None]) <= SCORING_REACH * shape.sigma)
+    for _ in range(SCORING_ROUNDS):
         distance = offsets - x[:, None]
         g = _bell(distance, shape.sigma)
         m = a[:, None] * g
@@ -295,16 +300,15 @@ def _score(
         xx = (weight * by_x * by_x).sum(axis=1)
         xa = (weight * by_x * g).sum(axis=1)
         aa = (weight * g * g).sum(axis=1)
-        determinant = xx * aa - xa * xa
-        sound = determinant > 1e-12 * xx * aa
-        safe = np.where(sound, determinant, 1.0)
-        information = np.where(sound, determinant / np.maximum(aa, 1e-300), 0.0)
         bx = (weight * by_x * residual).sum(axis=1)
         ba = (weight * g * residual).sum(axis=1)
+        determinant = xx * aa - xa * xa
+        sound = determinant > 1e-9 * xx * aa
+        safe = np.where(sound, determinant, 1.0)
+        information = np.where(sound, determinant / np.where(aa > 0.0, aa, 1.0), 0.0)
         dx = np.where(sound, (aa * bx - xa * ba) / safe, 0.0)
         da = np.where(sound, (xx * ba - xa * bx) / safe, 0.0)
-        dx = np.clip(dx, -0.5 * shape.sigma, 0.5 * shape.sigma)
-        x = x + dx
+        x = x + np.clip(dx, -0.5 * shape.sigma, 0.5 * shape.sigma)
         a = np.clip(a + da, 0.5 * a, 2.0 * a)
     fits = (information > 0.0) & (np.abs(x - start) <= shape.sigma)
     return x, a, 1.0 / np.where(information > 0.0, information, 1.0), fits

@@ -1,0 +1,79 @@
+"""Loops that cut the surroundings of each peak out of the pictures."""
+
+import numpy as np
+
+from app.vision.kernels.jit import compiled
+from app.vision.kernels.results import CLIPPED_FROM
+
+
+@compiled
+def windows_between(lit, dark, stride, channel, line, column, half, core, albedo_noise, signal, usable, clipped, floor):  # type: ignore[no-untyped-def] # fmt: skip
+    """lit, dark: (H, W * stride) uint8, channels interleaved."""
+    width = lit.shape[1] // stride
+    off = np.zeros(2 * half + 1)
+    for n in range(len(line)):
+        a, b = lit[line[n]], dark[line[n]]
+        left = column[n] - half
+        first, last = max(0, -left), min(2 * half, width - 1 - left)
+        total, darkest, bright = 0.0, np.inf, 0
+        for k in range(first, last + 1):
+            index = (left + k) * stride + channel
+            off[k] = b[index]
+            signal[n, k] = float(a[index]) - off[k]
+            is_clipped = a[index] >= CLIPPED_FROM
+            usable[n, k] = not is_clipped
+            if is_clipped and abs(k - half) <= core:
+                bright += 1
+            total += off[k]
+            darkest = min(darkest, off[k])
+        clipped[n] = bright
+        level = total / max(last - first + 1, 1)
+        floor[n] = 2.0 * level
+        if albedo_noise <= 0.0 or bright > 0 or darkest < 25.0:
+            continue
+        spread = 0.0
+        for k in range(first, last + 1):
+            spread += (off[k] - level) ** 2
+        spread /= max(last - first + 1, 1)
+        if spread > 0.01 * level * level and spread > 16.0 * (albedo_noise + 0.03 * level):
+            for k in range(first, last + 1):
+                signal[n, k] *= level / max(off[k], 1.0)
+
+
+@compiled
+def windows_of(lit, stride, channel, line, column, half, core, foot, signal, usable, clipped, floor, asymmetry):  # type: ignore[no-untyped-def] # fmt: skip
+    """lit: (H, W * stride) uint8, channels interleaved."""
+    width = lit.shape[1] // stride
+    for n in range(len(line)):
+        a = lit[line[n]]
+        left = column[n] - half
+        first, last = max(0, -left), min(2 * half, width - 1 - left)
+        before, befores, after, afters, bright = 0.0, 0, 0.0, 0, 0
+        for k in range(first, last + 1):
+            value = float(a[(left + k) * stride + channel])
+            is_clipped = value >= CLIPPED_FROM
+            signal[n, k] = value
+            usable[n, k] = not is_clipped
+            distance = k - half
+            if is_clipped and abs(distance) <= core:
+                bright += 1
+            if -core - foot <= distance < -core:
+                before += value
+                befores += 1
+            if core < distance <= core + foot:
+                after += value
+                afters += 1
+        if befores > 0:
+            before /= befores
+        if afters > 0:
+            after /= afters
+        if befores == 0:
+            before = after
+        if afters == 0:
+            after = before
+        clipped[n] = bright
+        floor[n] = 0.5 * (before + after)
+        asymmetry[n] = abs(after - before)
+        slope = (after - before) / (2 * core + foot + 1)
+        for k in range(first, last + 1):
+            signal[n, k] -= 0.5 * (before + after) + slope * (k - half)
