@@ -1,0 +1,12 @@
+"""The renderer's inner loops: compiled where Numba is installed, in NumPy where it is not."""
+
+from importlib.util import find_spec
+
+IS_COMPILED = find_spec("numba") is not None
+
+if IS_COMPILED:
+    from app.simulation.kernels.compiled import cut, expose, light, paint, rasterise, resolve, shade
+else:
+    from app.simulation.kernels.plain import cut, expose, light, paint, rasterise, resolve, shade
+
+__all__ = ["IS_COMPILED", "cut", "expose", "light", "paint", "rasterise", "resolve", "shade"]

@@ -1,0 +1,447 @@
+"""The renderer's inner loops in NumPy: what `compiled` computes, several times slower.
+
+Arrays shared by all of them, for a picture of H rows and W columns: `rays` (H, W, 2) float32, the ray of
+every pixel at z = 1 with distortion taken out; `depth` (H, W) float32 mm along z, infinite where nothing
+is; `owner` (H, W) int32, number of the triangle that is seen there, -1 for none; `normal` and `albedo`
+(H, W, 3) float32. Vectors and meshes are in the camera frame, mm. A box is (top, bottom, left, right).
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.geometry.arrays import Floats
+
+F32 = NDArray[np.float32]
+_NODES = (-0.5 * np.sqrt(0.6), 0.0, 0.5 * np.sqrt(0.6))
+_WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
+
+
+def rasterise(
+    vertices: Floats,
+    pixels: Floats,
+    faces: NDArray[np.int32],
+    rays: F32,
+    depth: F32,
+    owner: NDArray[np.int32],
+    first_face: int,
+    is_closed: bool,
+) -> tuple[int, int, int, int]:
+    """Draw triangles into `depth` and `owner`; return the box of pixels that changed.
+
+    Whether a pixel sees a triangle is decided on the pixel's own ray, in homogeneous coordinates (Olano
+    and Greer 1997), so distortion is exact and no edge needs clipping.
+
+    Args:
+        vertices: (V, 3).
+        pixels: (V, 2) where each vertex is seen.
+        faces: (F, 3).
+        rays: of every pixel.
+        depth: is lowered where a triangle is nearer.
+        owner: becomes `first_face` + the triangle's number there.
+        first_face: number of the first triangle.
+        is_closed: leave out triangles seen from behind.
+    """
+    height, width = depth.shape
+    box = (height, 0, width, 0)
+    corners = vertices[faces]
+    sides = np.stack(
+        [
+            np.cross(corners[:, 1], corners[:, 2]),
+            np.cross(corners[:, 2], corners[:, 0]),
+            np.cross(corners[:, 0], corners[:, 1]),
+        ],
+        axis=1,
+    )
+    det = np.einsum("fi,fi->f", corners[:, 0], sides[:, 0])
+    low, high = pixels[faces].min(axis=1), pixels[faces].max(axis=1)
+    margin = 0.06 * (high - low).max(axis=1, keepdims=True)
+    start = np.maximum(np.floor(low - margin), 0.0)
+    end = np.minimum(np.ceil(high + margin), [width - 1, height - 1])
+    is_drawn = (corners[:, :, 2] > 1e-3).all(axis=1) & (start <= end).all(axis=1) & (det != 0.0)
+    if is_closed:
+        is_drawn &= det < 0.0
+    for face in np.flatnonzero(is_drawn):
+        (u0, v0), (u1, v1) = start[face].astype(int), end[face].astype(int) + 1
+        x, y = rays[v0:v1, u0:u1, 0].astype(float), rays[v0:v1, u0:u1, 1].astype(float)
+        weights = [side[0] * x + side[1] * y + side[2] for side in sides[face]]
+        sign = np.sign(det[face])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            z = (det[face] / sum(weights)).astype(np.float32)
+        hit = (z < depth[v0:v1, u0:u1]) & np.logical_and.reduce([w * sign >= 0.0 for w in weights])
+        if not hit.any():
+            continue
+        depth[v0:v1, u0:u1][hit] = z[hit]
+        owner[v0:v1, u0:u1][hit] = first_face + face
+        rows, columns = np.flatnonzero(hit.any(axis=1)), np.flatnonzero(hit.any(axis=0))
+        box = (
+            min(box[0], v0 + int(rows[0])), max(box[1], v0 + int(rows[-1]) + 1),
+            min(box[2], u0 + int(columns[0])), max(box[3], u0 + int(columns[-1]) + 1),
+        )  # fmt: skip
+    return box
+
+
+def resolve(
+    box: tuple[int, int, int, int],
+    owner: NDArray[np.int32],
+    first_face: int,
+    vertices: Floats,
+    normals: Floats,
+    faces: NDArray[np.int32],
+    albedo: F32,
+    quadrics: Floats,
+    face_quadric: NDArray[np.int32],
+    rays: F32,
+    depth: F32,
+    normal_out: F32,
+    albedo_out: F32,
+) -> None:
+    """Normal and albedo of every pixel that sees one of these triangles, and its depth on the true surface.
+
+    Args:
+        box: where to look.
+        owner: as `rasterise` left it.
+        first_face: number of the first triangle.
+        vertices: (V, 3).
+        normals: (V, 3).
+        faces: (F, 3).
+        albedo: (V, 3).
+        quadrics: (Q, 4, 4) curved surfaces.
+        face_quadric: (F,) which of them a triangle stands for, or -1.
+        rays: of every pixel.
+        depth: is moved from the triangle to the curved surface.
+        normal_out: unit vectors, out of the surface.
+        albedo_out: blue, green, red.
+    """
+    v, u = _mine(box, owner, first_face, len(faces))
+    corner = faces[owner[v, u] - first_face]
+    ray = np.column_stack([rays[v, u], np.ones(len(v))]).astype(np.float64)
+    at = vertices[corner]
+    weights = np.stack(
+        [np.einsum("ni,ni->n", np.cross(at[:, (n + 1) % 3], at[:, (n + 2) % 3]), ray) for n in range(3)],
+        axis=1,
+    )
+    total = weights.sum(axis=1)
+    weights /= total[:, None]
+    out = np.einsum("nc,ncx->nx", weights, normals[corner])
+    which = face_quadric[owner[v, u] - first_face]
+    for number, q in enumerate(quadrics):
+        mine = np.flatnonzero(which == number)
+        gradient = ray[mine] @ q[:3, :3]
+        a = np.einsum("ni,ni->n", gradient, ray[mine])
+        b = ray[mine] @ q[:3, 3]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            root = np.sqrt(b * b - a * q[3, 3])
+            near, far = (-b - root) / a, (-b + root) / a
+            z = depth[v[mine], u[mine]].astype(np.float64)
+            exact = np.where(np.abs(near - z) < np.abs(far - z), near, far)
+            is_near = np.abs(exact - z) < 0.01 * z
+        mine, exact, gradient = mine[is_near], exact[is_near], gradient[is_near]
+        depth[v[mine], u[mine]] = exact
+        slope = exact[:, None] * gradient + q[:3, 3]
+        side = np.where(np.einsum("ni,ni->n", slope, out[mine]) >= 0.0, 1.0, -1.0)
+        out[mine] = side[:, None] * slope
+    is_behind = (np.einsum("ni,ni->n", out, ray) > 0.0) & (total > 0.0)
+    length = np.linalg.norm(out, axis=1) * np.where(is_behind, -1.0, 1.0)
+    normal_out[v, u] = out / length[:, None]
+    albedo_out[v, u] = np.einsum("nc,ncx->nx", weights, albedo[corner])
+
+
+def paint(
+    box: tuple[int, int, int, int],
+    owner: NDArray[np.int32],
+    first_face: int,
+    count: int,
+    rotation: Floats,
+    translation: Floats,
+    texture: F32,
+    origin_mm: Floats,
+    texel_mm: float,
+    samples: int,
+    rays: F32,
+    albedo_out: F32,
+) -> None:
+    """Albedo of a printed plane, averaged over each pixel's area.
+
+    Args:
+        box: where to look.
+        owner: as `rasterise` left it.
+        first_face: number of the plane's first triangle.
+        count: of its triangles.
+        rotation: (3, 3) body from camera.
+        translation: (3,) of the same motion; the print lies on the body's z = 0.
+        texture: (h, w) albedo.
+        origin_mm: (2,) the body's x and y at the texture's upper left edge.
+        texel_mm: side of a texel.
+        samples: as many squared are taken per pixel.
+        rays: of every pixel.
+        albedo_out: grey, in all three channels.
+    """
+    v, u = _mine(box, owner, first_face, count)
+    ray, across, down = _rays_about(rays, u, v)
+    total = np.zeros(len(v))
+    for sv in range(samples):
+        for su in range(samples):
+            du, dv = (su + 0.5) / samples - 0.5, (sv + 0.5) / samples - 0.5
+            x, y = (ray + du * across + dv * down).T
+            bx, by, bz = (r[0] * x + r[1] * y + r[2] for r in rotation)
+            z = -translation[2] / bz
+            column = (bx * z + translation[0] - origin_mm[0]) / texel_mm - 0.5
+            row = (by * z + translation[1] - origin_mm[1]) / texel_mm - 0.5
+            column = np.clip(column, 0.0, texture.shape[1] - 1.001)
+            row = np.clip(row, 0.0, texture.shape[0] - 1.001)
+            c0, r0 = column.astype(np.intp), row.astype(np.intp)
+            fc, fr = column - c0, row - r0
+            upper = texture[r0, c0] * (1.0 - fc) + texture[r0, c0 + 1] * fc
+            lower = texture[r0 + 1, c0] * (1.0 - fc) + texture[r0 + 1, c0 + 1] * fc
+            total += upper * (1.0 - fr) + lower * fr
+    albedo_out[v, u] = (total / samples**2)[:, None]
+
+
+def shade(
+    box: tuple[int, int, int, int],
+    owner: NDArray[np.int32],
+    first_face: int,
+    normal: F32,
+    albedo: F32,
+    towards_lamp: Floats,
+    lamp_grey: float,
+    ambient_grey: float,
+    seen: F32,
+) -> None:
+    """What the room's light makes of a matte surface, for every triangle from `first_face` on.
+
+    Args:
+        box: where to look.
+        owner: as `rasterise` left it.
+        first_face: number of the first triangle.
+        normal: of every pixel.
+        albedo: of every pixel.
+        towards_lamp: (3,) unit vector.
+        lamp_grey: grey levels of a white surface that faces the lamp.
+        ambient_grey: grey levels of a white surface from all around.
+        seen: (H, W, 3) grey levels.
+    """
+    top, bottom, left, right = box
+    part = (slice(top, bottom), slice(left, right))
+    mine = owner[part] >= first_face
+    facing = normal[part][mine] @ towards_lamp.astype(np.float32)
+    amount = np.float32(ambient_grey) + np.float32(lamp_grey) * np.maximum(facing, 0.0)
+    seen[part][mine] = albedo[part][mine] * amount[:, None]
+
+
+def cut(
+    vertices: Floats,
+    faces: NDArray[np.int32],
+    normal: Floats,
+    distance_mm: float,
+    source: Floats,
+    forward: Floats,
+    sideways: Floats,
+    offsets_mm: Floats,
+    half_fan: float,
+    cosine: Floats,
+    sine: Floats,
+    reach: F32,
+) -> None:
+    """How far the light gets in every direction of the fan before it meets one of these triangles.
+
+    The sheet has a thickness, so this is asked for several planes beside each other.
+
+    Args:
+        vertices: (V, 3).
+        faces: (F, 3).
+        normal: (3,) of the sheet.
+        distance_mm: of the sheet from the camera centre.
+        source: (3,) where the fan starts.
+        forward: (3,) the fan's middle, unit vector.
+        sideways: (3,) in the sheet, across `forward`.
+        offsets_mm: (S,) the planes, along the normal, ascending.
+        half_fan: opening to either side, rad.
+        cosine: (B,) of the fan's directions, evenly spaced over the opening.
+        sine: (B,) the same.
+        reach: (S, B) mm, is lowered.
+    """
+    bins = reach.shape[1]
+    per_rad = (bins - 1) / (2.0 * half_fan)
+    ahead = (vertices @ normal - distance_mm)[faces]
+    low, high = ahead.min(axis=1), ahead.max(axis=1)
+    for s, offset in enumerate(offsets_mm):
+        crossing = np.flatnonzero((low < offset) & (offset <= high))
+        q = ahead[crossing] - offset
+        corners = vertices[faces[crossing]] - source
+        planar = np.stack([corners @ forward, corners @ sideways], axis=-1)
+        is_cut = (q < 0.0) != (np.roll(q, -1, axis=1) < 0.0)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            share = q / (q - np.roll(q, -1, axis=1))
+            meeting = planar + share[..., None] * (np.roll(planar, -1, axis=1) - planar)
+        ends = meeting[is_cut].reshape(-1, 2, 2)
+        ends = ends[(ends[:, :, 0] > 0.0).all(axis=1)]
+        place = np.sort((np.arctan2(ends[:, :, 1], ends[:, :, 0]) + half_fan) * per_rad, axis=1)
+        start = np.maximum(np.ceil(place[:, 0]), 0).astype(int)
+        end = np.minimum(np.floor(place[:, 1]), bins - 1).astype(int) + 1
+        (px, py), (rx, ry) = ends[:, 0].T, ends[:, 1].T
+        for n in np.flatnonzero(start < end):
+            part = slice(start[n], end[n])
+            with np.errstate(divide="ignore", invalid="ignore"):
+                distance = (px[n] * ry[n] - py[n] * rx[n]) / (
+                    cosine[part] * (ry[n] - py[n]) - sine[part] * (rx[n] - px[n])
+                )
+            distance = np.where(distance > 0.0, distance, np.inf)
+            reach[s, part] = np.minimum(reach[s, part], distance)
+
+
+def light(
+    rays: F32,
+    depth: F32,
+    normal: F32,
+    albedo: F32,
+    colour: F32,
+    plane: Floats,
+    distance_mm: float,
+    source: Floats,
+    forward: Floats,
+    sideways: Floats,
+    offsets_mm: Floats,
+    half_fan: float,
+    reach: F32,
+    sigma_mm: float,
+    focus_mm: float,
+    focus_depth_mm: float,
+    peak_grey: float,
+    irradiance: F32,
+) -> None:
+    """Grey levels that a laser adds, without speckle.
+
+    A Gaussian of the distance from the sheet, gathered over each pixel's area on the surface's tangent
+    plane, times Lambert's cosine and the fan's 1/r, where the light arrives at all.
+
+    Args:
+        rays: of every pixel.
+        depth: of every pixel.
+        normal: of every pixel.
+        albedo: of every pixel.
+        colour: (3,) what of each channel's albedo counts.
+        plane: (3,) normal of the sheet.
+        distance_mm: of the sheet from the camera centre.
+        source: as for `cut`, with `forward`, `sideways`, `offsets_mm`, `half_fan` and `reach`.
+        forward: see there.
+        sideways: see there.
+        offsets_mm: see there; evenly spaced.
+        half_fan: see there.
+        reach: see there.
+        sigma_mm: of the sheet at its focus.
+        focus_mm: distance of the focus from the source.
+        focus_depth_mm: distance from the focus at which the sheet is sqrt(2) times as thick.
+        peak_grey: on a white surface that faces the laser at the focus.
+        irradiance: (H, W), written where light arrives.
+    """
+    per_rad = (reach.shape[1] - 1) / (2.0 * half_fan)
+    widest = 4.5 * sigma_mm * np.sqrt(1.0 + (focus_mm / focus_depth_mm) ** 2) + 0.05
+    near32 = rays[:, :, 0] * np.float32(plane[0]) + rays[:, :, 1] * np.float32(plane[1])
+    with np.errstate(invalid="ignore"):
+        near32 = np.abs((near32 + np.float32(plane[2])) * depth - np.float32(distance_mm))
+    v, u = np.nonzero(near32 <= np.float32(widest))
+    ray, across, down = _rays_about(rays, u, v)
+    ray = np.column_stack([ray, np.ones(len(v))])
+    z = depth[v, u].astype(np.float64)
+    m = normal[v, u].astype(np.float64)
+    slope = ray @ plane
+    q = slope * z - distance_mm
+    away = ray * z[:, None] - source
+    distance = np.linalg.norm(away, axis=1)
+    sigma = sigma_mm * np.sqrt(1.0 + ((distance - focus_mm) / focus_depth_mm) ** 2)
+    facing = -np.einsum("ni,ni->n", away, m) / distance
+    spacing = offsets_mm[1] - offsets_mm[0]
+    s = np.clip(np.rint((q - offsets_mm[0]) / spacing), 0, len(offsets_mm) - 1).astype(np.intp)
+    along = m @ plane
+    walk = (offsets_mm[s] - q) / np.maximum(1.0 - along**2, 0.02)
+    walked = away + walk[:, None] * (plane - along[:, None] * m)
+    ahead, aside = walked @ forward, walked @ sideways
+    fan = np.arctan2(aside, ahead)
+    place = np.clip(np.rint((fan + half_fan) * per_rad), 0, reach.shape[1] - 1).astype(np.intp)
+    farthest = reach[s, place] + 0.3 + 0.1 / np.maximum(facing, 0.05)
+    is_lit = (np.abs(q) <= 4.5 * sigma) & (facing > 0.0) & (np.abs(fan) <= half_fan)
+    is_lit &= np.hypot(ahead, aside) <= farthest
+    towards = np.minimum(np.einsum("ni,ni->n", m, ray), -0.03)
+    qu, qv = (
+        z * (step @ plane[:2] - slope * np.einsum("ni,ni->n", m[:, :2], step) / towards)
+        for step in (across, down)
+    )
+    total = np.zeros(len(v))
+    for a, weight_a in zip(_NODES, _WEIGHTS, strict=True):
+        for b, weight_b in zip(_NODES, _WEIGHTS, strict=True):
+            total += weight_a * weight_b * np.exp(-0.5 * ((q + a * qu + b * qv) / sigma) ** 2)
+    tint = albedo[v, u] @ colour
+    grey = peak_grey * tint * total * facing * (focus_mm / distance) * (sigma_mm / sigma)
+    irradiance[v[is_lit], u[is_lit]] = grey[is_lit]
+
+
+def expose(
+    ambient: F32,
+    lasers: F32,
+    tints: F32,
+    electrons_per_grey: float,
+    read_variance: float,
+    normal_levels: F32,
+    speckle_levels: F32,
+    seed: np.uint64,
+    image: NDArray[np.uint8],
+) -> None:
+    """Light to grey values: speckle on the lasers' part, shot and read noise, rounding, clipping.
+
+    Every pixel's random numbers are a hash of the seed and its place (Steele et al. 2014, SplitMix64), so
+    pictures do not depend on the order in which they are made.
+
+    Args:
+        ambient: (H, W, C) grey levels without laser.
+        lasers: (L, H, W) grey levels that each lit laser adds.
+        tints: (L, C) how strongly each channel sees each laser.
+        electrons_per_grey: of the shot noise.
+        read_variance: grey levels squared.
+        normal_levels: (65536,) quantiles of the normal distribution.
+        speckle_levels: (65536,) quantiles of the speckle.
+        seed: of this picture.
+        image: (H, W, C) is written.
+    """
+    height, width, channels = ambient.shape
+    number = np.arange(height * width, dtype=np.uint64).reshape(height, width)
+    light_in = ambient.copy()
+    for n, laser in enumerate(lasers):
+        v, u = np.nonzero(laser > 0.0)
+        bits = _random(seed, np.uint64((n + 1) * height * width) + number[v, u])
+        grain = speckle_levels[bits & np.uint64(0xFFFF)]
+        light_in[v, u] += (laser[v, u] * grain)[:, None] * tints[n]
+    bits = _random(seed, number)
+    for c in range(channels):
+        level = normal_levels[(bits >> np.uint64(16 * c)) & np.uint64(0xFFFF)]
+        spread = np.sqrt(light_in[:, :, c] * np.float32(1.0 / electrons_per_grey) + np.float32(read_variance))
+        grey = light_in[:, :, c] + spread * level + np.float32(0.5)
+        image[:, :, c] = np.clip(grey, 0.0, 255.0).astype(np.uint8)
+
+
+def _random(seed: np.uint64, number: NDArray[np.uint64]) -> NDArray[np.uint64]:
+    bits = seed + number * np.uint64(0x9E3779B97F4A7C15)
+    bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
+    bits = (bits ^ (bits >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
+    mixed: NDArray[np.uint64] = bits ^ (bits >> np.uint64(31))
+    return mixed
+
+
+def _mine(
+    box: tuple[int, int, int, int], owner: NDArray[np.int32], first_face: int, count: int
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    top, bottom, left, right = box
+    part = owner[top:bottom, left:right]
+    v, u = np.nonzero((part >= first_face) & (part < first_face + count))
+    return v + top, u + left
+
+
+def _rays_about(rays: F32, u: NDArray[np.intp], v: NDArray[np.intp]) -> tuple[Floats, Floats, Floats]:
+    """Rays (N, 2) of pixels, and what they change by from column to column and from row to row."""
+    height, width = rays.shape[:2]
+    u_next, u_last = np.minimum(u + 1, width - 1), np.maximum(u - 1, 0)
+    v_next, v_last = np.minimum(v + 1, height - 1), np.maximum(v - 1, 0)
+    rays64 = rays.astype(np.float64)
+    across = (rays64[v, u_next] - rays64[v, u_last]) / (u_next - u_last)[:, None]
+    down = (rays64[v_next, u] - rays64[v_last, u]) / (v_next - v_last)[:, None]
+    return rays64[v, u], across, down
