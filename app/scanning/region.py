@@ -1,0 +1,45 @@
+"""Which part of space belongs to the result."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.geometry.rig import Rig
+
+# An object wider than the camera is far away would not fit into the picture.
+_RADIUS_PER_DISTANCE = 0.5
+# The table's own surface is kept, noise and all; what hangs below it is not.
+_BELOW_TABLE_MM = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Region:
+    """A cylinder about the axis, table frame.
+
+    Attributes:
+        radius_mm: points further from the axis are left out.
+        lowest_mm, highest_mm: heights above the table between which points are kept.
+    """
+
+    radius_mm: float = float("inf")
+    lowest_mm: float = float("-inf")
+    highest_mm: float = float("inf")
+
+    def holds(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
+        """Which of (N, 3) points lie inside."""
+        inside: NDArray[np.bool_] = (
+            self.within_radius(points) & (points[:, 2] >= self.lowest_mm) & (points[:, 2] <= self.highest_mm)
+        )
+        return inside
+
+    def within_radius(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
+        near: NDArray[np.bool_] = points[:, 0] ** 2 + points[:, 1] ** 2 <= self.radius_mm**2
+        return near
+
+
+def default_region(rig: Rig) -> Region:
+    """Half as wide as the camera is far from the axis; from just below the table, where that is known."""
+    distance_mm = float(np.linalg.norm(np.cross(rig.axis.point_mm, rig.axis.direction)))
+    lowest = -_BELOW_TABLE_MM if np.isfinite(rig.axis.offset_mm) else float("-inf")
+    return Region(_RADIUS_PER_DISTANCE * distance_mm, lowest)
