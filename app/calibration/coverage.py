@@ -76,7 +76,8 @@ def doubts(
     if spread < _ENOUGH_TILT_DEG:
         said.append(
             f"All boards are nearly parallel (within {spread:.0f} degrees), "
-            "so the focal length is not determined; tilt the board by 20 to 45 degrees, a different way in each view."
+            "so the focal length is not determined; "
+            "tilt the board by 20 to 45 degrees, a different way in each view."
         )
     if not relative_focal_error <= _GOOD_FOCAL_ERROR:
         said.append(

@@ -1,11 +1,13 @@
 """One adjustment over everything that was recorded, and what it says about the rig and about itself."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from app.calibration.bundle import State
 from app.calibration.error_budget import expected_error_mm
+from app.calibration.outcome import ViewResidual
 from app.calibration.platter import marker_points
 from app.calibration.problem import Problem, pose_problem
 from app.calibration.projection import camera_from_vector
@@ -18,35 +20,9 @@ from app.geometry.camera import CameraIntrinsics
 from app.geometry.plane import LaserPlane
 from app.geometry.rig import Rig
 from app.geometry.transform import RigidTransform, rotation_about
-from app.recording.shot import Role
+from app.vision.markers import MarkerObservation
 
 _SCALE_TOLERATED = 0.002
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class ViewResidual:
-    """How one view fits.
-
-    Attributes:
-        name: the frame.
-        role: what it was taken for.
-        corner_px: RMS of its reprojected corners; NaN where it shows none.
-        stripe_px: RMS of each laser's stripe points to the laser plane, across the stripe.
-        angle_deg: table angle that was solved for, counter-clockwise; NaN for a free view.
-        commanded_deg: as the recording has it, counter-clockwise; NaN where unknown.
-    """
-
-    name: str
-    role: Role
-    corner_px: float
-    stripe_px: Mapping[str, float]
-    angle_deg: float
-    commanded_deg: float
-
-    @property
-    def angle_error_deg(self) -> float:
-        """Solved minus commanded, -180..180."""
-        return (self.angle_deg - self.commanded_deg + 180.0) % 360.0 - 180.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -112,14 +88,36 @@ def solve_joint(
     columns: list[int] = []
     if refine_camera:
         columns = list(range(9 if camera.distortion[4] != 0.0 else 8))
-    problem = pose_problem(evidence, camera, columns, excluded)
+    has_markers = any(len(view.markers.ids) for view in evidence.views)
+    if columns and has_markers:
+        # Corners of markers carry errors of print and edge that repeat in every view of the table; hundreds
+        # of them would bend the camera, so it is found from the boards and then held.
+        camera = _camera_from_boards(evidence, camera, columns, excluded, on_step)
+    problem = pose_problem(evidence, camera, [] if has_markers else columns, excluded)
     if not problem.lasers and not problem.has_axis:
         raise CalibrationError(
             "The recordings show the board, but neither a laser on it nor a table that turns.",
             "Record laser_plane views and axis views or markers on the table as well.",
         )
-    solution = solve(problem.state, problem.corners, problem.stripes, problem.free, on_step)
+    uncertain = np.union1d(problem.free, np.array(columns, np.intp))
+    solution = solve(problem.state, problem.corners, problem.stripes, problem.free, on_step, uncertain)
     return _read(problem, solution)
+
+
+def _camera_from_boards(
+    evidence: Evidence,
+    camera: CameraIntrinsics,
+    columns: list[int],
+    excluded: frozenset[str],
+    on_step: Callable[[int, float], None],
+) -> CameraIntrinsics:
+    unseen = MarkerObservation(np.zeros(0, np.intp), np.zeros((0, 4, 2)))
+    views = tuple(replace(view, markers=unseen) for view in evidence.views)
+    if not any(view.board.is_found for view in views):
+        return camera
+    problem = pose_problem(replace(evidence, views=views, platter=None), camera, columns, excluded)
+    state = solve(problem.state, problem.corners, problem.stripes, problem.free, on_step).state
+    return camera_from_vector(state.camera, state.size)
 
 
 def _read(problem: Problem, solution: Solution) -> JointResult:
@@ -139,6 +137,8 @@ def _read(problem: Problem, solution: Solution) -> JointResult:
     rig = Rig(camera_from_vector(state.camera, state.size), lasers, axis)
     is_board = problem.corners.group == 0
     on_axis = problem.corners.angle >= 0
+    off_mm = _off_plane_mm(problem, state)
+    on_board = problem.stripes.group < 2 + len(problem.lasers)
     depth = np.linalg.norm(state.axis_point)
     marker_mm = problem.state.marker_mm
     warnings = list(problem.warnings)
@@ -157,7 +157,7 @@ def _read(problem: Problem, solution: Solution) -> JointResult:
         problem.has_axis,
         np.sqrt(np.diag(solution.covariance_of(np.arange(9)))),
         _rms(solution.corner_residuals[is_board]) if is_board.any() else float("nan"),
-        {name: _plane_rms(problem, solution, row) for row, name in enumerate(problem.lasers)},
+        {name: _core_rms(off_mm[on_board & (problem.stripes.laser == k)]) for k, name in enumerate(lasers)},
         _rms(solution.corner_residuals[on_axis]) * float(depth / state.camera[0]) if on_axis.any() else 0.0,
         noise,
         solution.chi,
@@ -166,7 +166,7 @@ def _read(problem: Problem, solution: Solution) -> JointResult:
         else float("nan"),
         layout,
         state.marker_mm,
-        _view_residuals(problem, solution),
+        _view_residuals(problem, solution, off_mm),
         problem.corners.pixels[is_board],
         solution.corner_residuals[is_board],
         problem.dropped,
@@ -193,32 +193,37 @@ def _assumed_px(problem: Problem, group: int) -> float:
     return float(np.sqrt(np.mean(sigma**2))) if len(sigma) else 0.0
 
 
-def _plane_rms(problem: Problem, solution: Solution, laser: int) -> float:
-    """Distance of the stripe points on boards to their plane, mm."""
-    state, stripes = solution.state, problem.stripes
-    mine = (stripes.laser == laser) & (stripes.group < 2 + len(problem.lasers))
-    rays = camera_from_vector(state.camera, state.size).rays(stripes.pixels[mine])
-    angles = np.append(state.angles, 0.0)[stripes.angle[mine]]
-    table = np.array([rotation_about(state.axis_direction, a) for a in angles]).reshape(-1, 3, 3)
-    body = stripes.body[mine]
-    normal = np.einsum("nij,nj->ni", table, state.rotations[body][:, :, 2])
-    point = np.einsum("nij,nj->ni", table, state.translations[body] - state.axis_point) + state.axis_point
-    depth = np.einsum("ni,ni->n", normal, point) / np.einsum("ni,ni->n", normal, rays)
-    plane = state.planes[laser]
-    off = (rays * depth[:, None]) @ plane[:3] - plane[3]
-    kept = np.abs(off) < 6.0 * 1.4826 * float(np.median(np.abs(off)))
-    return _rms(off[kept])
+def _off_plane_mm(problem: Problem, state: State) -> Floats:
+    """Distance of every stripe point, on the body that it falls on, to its laser plane: (Ns,) mm."""
+    stripes = problem.stripes
+    rays = camera_from_vector(state.camera, state.size).rays(stripes.pixels)
+    turns = np.array([rotation_about(state.axis_direction, a) for a in state.angles] + [np.eye(3)])
+    turn = turns[stripes.angle]
+    normal = np.einsum("nij,nj->ni", turn, state.rotations[stripes.body][:, :, 2])
+    arm = np.einsum("nij,nj->ni", turn, state.translations[stripes.body] - state.axis_point)
+    depth = np.einsum("ni,ni->n", normal, arm + state.axis_point) / np.einsum("ni,ni->n", normal, rays)
+    plane = state.planes[stripes.laser]
+    off: Floats = np.einsum("ni,ni->n", rays * depth[:, None], plane[:, :3]) - plane[:, 3]
+    return off
 
 
-def _view_residuals(problem: Problem, solution: Solution) -> tuple[ViewResidual, ...]:
+def _core_rms(off: Floats) -> float:
+    """RMS without what the robust loss sets aside."""
+    if len(off) == 0:
+        return float("nan")
+    return _rms(off[np.abs(off) < 6.0 * 1.4826 * float(np.median(np.abs(off))) + 1e-12])
+
+
+def _view_residuals(problem: Problem, solution: Solution, off_mm: Floats) -> tuple[ViewResidual, ...]:
     out = []
     for number, view in enumerate(problem.views):
         corners = solution.corner_residuals[problem.corner_view == number]
-        stripes = {}
+        stripes_px, stripes_mm = {}, {}
         for row, laser in enumerate(problem.lasers):
             mine = (problem.stripe_view == number) & (problem.stripes.laser == row)
             if mine.any():
-                stripes[laser] = _rms(solution.stripe_residuals[mine])
+                stripes_px[laser] = _rms(solution.stripe_residuals[mine])
+                stripes_mm[laser] = _rms(off_mm[mine])
         angle = problem.view_angle[number]
         solved = float(np.degrees(solution.state.angles[angle])) if angle >= 0 else float("nan")
         out.append(
@@ -226,7 +231,8 @@ def _view_residuals(problem: Problem, solution: Solution) -> tuple[ViewResidual,
                 view.name,
                 view.role,
                 _rms(corners) if len(corners) else float("nan"),
-                stripes,
+                stripes_px,
+                stripes_mm,
                 solved,
                 float(np.degrees(view.angle_rad)),
             )

@@ -12,7 +12,7 @@ from app.errors import CalibrationError
 from app.geometry.arrays import Floats
 
 _STEPS = 60
-_CONVERGED = 1e-9
+_CONVERGED = 1e-7
 # Beyond three standard deviations a residual counts ever less (Huber's threshold, smooth form).
 _ROBUST_SCALE = 3.0
 _MAD_TO_SIGMA = 1.4826
@@ -25,8 +25,8 @@ class Solution:
 
     Attributes:
         state: the unknowns.
-        free: (F,) columns of the parameter vector that were solved for.
-        covariance: (F, F) of those, scaled to the noise that was seen.
+        uncertain: (U,) columns of the parameter vector that have a covariance; the others were held.
+        covariance: (U, U) of those, scaled to the noise that was seen.
         corner_residuals: (Nc, 2) px.
         stripe_residuals: (Ns,) px across the stripe.
         noise: for each group, the noise seen relative to the noise assumed.
@@ -34,7 +34,7 @@ class Solution:
     """
 
     state: State
-    free: NDArray[np.intp]
+    uncertain: NDArray[np.intp]
     covariance: Floats
     corner_residuals: Floats
     stripe_residuals: Floats
@@ -43,8 +43,8 @@ class Solution:
 
     def covariance_of(self, columns: NDArray[np.intp]) -> Floats:
         """(K, K) covariance of columns of the parameter vector; zero for those held fixed."""
-        place = np.full(int(max(self.free.max(), columns.max())) + 1, -1)
-        place[self.free] = np.arange(len(self.free))
+        place = np.full(int(max(self.uncertain.max(), columns.max())) + 1, -1)
+        place[self.uncertain] = np.arange(len(self.uncertain))
         at = place[columns]
         known = at >= 0
         out = np.zeros((len(columns), len(columns)))
@@ -58,11 +58,13 @@ def solve(
     stripes: Stripes,
     free: NDArray[np.intp],
     on_step: Callable[[int, float], None] = lambda step, cost: None,
+    uncertain: NDArray[np.intp] | None = None,
 ) -> Solution:
     """Minimise the robust sum of squares over the free columns.
 
     Args:
         free: (F,) columns that may change.
+        uncertain: (U,) columns that the covariance is about, where these are more than the free ones.
         on_step: told the number of the step and the cost.
 
     Raises:
@@ -81,14 +83,15 @@ def solve(
     scaled_stripes = replace(stripes, sigma=stripes.sigma * noise[stripes.group])
     state, _ = _descend(state, scaled_corners, scaled_stripes, free, step, on_step)
     r, jacobian = residuals(state, scaled_corners, scaled_stripes)
-    covariance = _covariance(_normal_matrix(jacobian[:, free], _weights(r)))
+    uncertain = free if uncertain is None else uncertain
+    covariance = _covariance(_normal_matrix(jacobian[:, uncertain], _weights(r)))
     n = 2 * len(corners.pixels)
     assumed = _in_assumed_units(r, noise, corners, stripes)
     is_inlier = np.abs(r) < 2.0 * _ROBUST_SCALE
     freedom = max(int(is_inlier.sum()) - len(free), 1)
     return Solution(
         state,
-        free,
+        uncertain,
         covariance,
         r[:n].reshape(-1, 2) * scaled_corners.sigma[:, None],
         r[n:] * scaled_stripes.sigma,

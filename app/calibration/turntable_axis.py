@@ -93,7 +93,7 @@ def solve_axis_turning(
         )
     rotations = np.array(vectors)
     # Long turns know the direction best; the sign of each vector is free until then.
-    _, _, rows = np.linalg.svd(rotations)
+    _, _, rows = np.linalg.svd(rotations, full_matrices=False)
     direction = rows[0]
     signed = rotations @ direction
     # A commanded turn beyond half a circle shows as the shorter turn the other way.
