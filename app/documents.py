@@ -123,7 +123,7 @@ def _first_problem(error: ValidationError, document: Json) -> tuple[str, str]:
     """Place and sentence of the first of possibly many problems."""
     problems = error.errors(include_url=False)
     first = problems[0]
-    place = _place(first["loc"], document)
+    place = _place(first["loc"], document, is_missing=first["type"] == "missing")
     kind, given, context = first["type"], first["input"], first.get("ctx", {})
     if kind == "missing":
         sentence = "is missing"
@@ -140,13 +140,13 @@ def _first_problem(error: ValidationError, document: Json) -> tuple[str, str]:
     return place, sentence + (f" (and {others} more problem{'s'[: others - 1]})" if others else "")
 
 
-def _place(location: tuple[int | str, ...], document: Json) -> str:
+def _place(location: tuple[int | str, ...], document: Json, *, is_missing: bool) -> str:
     """`frames[12].role`; a part that names no key but the variant of a union is left out."""
     place, here = "", document
     for number, part in enumerate(location):
         if isinstance(part, int):
             place += f"[{part}]"
-        elif isinstance(here, dict) and part not in here and number + 1 < len(location):
+        elif isinstance(here, dict) and part not in here and not (is_missing and number + 1 == len(location)):
             continue
         else:
             place += f".{part}" if place else part

@@ -25,6 +25,10 @@ _JPEG_FRAME_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_SCAN = 0xDA
 _JPEG_BARE = frozenset({0x01, *range(0xD0, 0xD8)})
 # Orientation tags are left alone: the calibration belongs to the sensor, whichever way up the camera felt.
+# Measured on stripe pictures: twice as fast as OpenCV's choice of filter, and not larger.
+_PNG_OPTIONS = [cv2.IMWRITE_PNG_COMPRESSION, 1]
+if hasattr(cv2, "IMWRITE_PNG_FILTER"):
+    _PNG_OPTIONS += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
 _AS_STORED = cv2.IMREAD_IGNORE_ORIENTATION
 
 
@@ -93,8 +97,7 @@ def encode(image: Image, image_format: ImageFormat = "png", quality: int = 95) -
         quality: of a JPEG, 1..100.
     """
     if image_format == "png":
-        # Level 1 costs a tenth of the default's time for a few percent of size.
-        suffix, options = ".png", [cv2.IMWRITE_PNG_COMPRESSION, 1]
+        suffix, options = ".png", _PNG_OPTIONS
     elif image_format == "jpeg":
         suffix, options = ".jpg", [cv2.IMWRITE_JPEG_QUALITY, quality]
     else:
