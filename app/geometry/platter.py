@@ -102,8 +102,7 @@ def solve_layout(
     frame, corner, pixels, numbers = _flattened(views, nominal_rad)
     points = _triangulated(camera, axis, frame, corner, pixels, nominal_rad, len(numbers) * 4)
     angles = np.array(nominal_rad, np.float64)
-    damping, cost = 1e-6, np.inf
-    weights = np.ones(len(frame))
+    damping = 1e-6
     for _ in range(_LAYOUT_STEPS):
         residuals, by_point, by_angle = _linearised(camera, axis, points[corner], angles[frame], pixels)
         weights = _cauchy_weights(residuals)
@@ -176,7 +175,8 @@ def _triangulated(
     matrix, right = np.zeros((count, 3, 3)), np.zeros((count, 3))
     np.add.at(matrix, corner, across)
     np.add.at(right, corner, np.einsum("nij,nj->ni", across, centres))
-    points: Points = np.linalg.solve(matrix + 1e-12 * np.eye(3), right[:, :, None])[:, :, 0]
+    solved = np.linalg.solve(matrix + 1e-12 * np.eye(3), right[:, :, None])
+    points: Points = np.asarray(solved[:, :, 0], np.float64)
     return points
 
 

@@ -35,6 +35,9 @@ def colours_at_angle(
 
 
 def colours_of_strength(stripe: LaserStripe) -> NDArray[np.uint8]:
-    """Without a colour picture: grey as bright as the stripe is there, which shows dark print as dark."""
-    grey = np.clip(stripe.strength, 0.0, 255.0).astype(np.uint8)
+    """Without a colour picture: grey that follows the stripe's brightness, so dark print shows as dark.
+
+    The square root is what a display's gamma would do to light.
+    """
+    grey = np.rint(255.0 * np.sqrt(np.clip(stripe.strength / 255.0, 0.0, 1.0))).astype(np.uint8)
     return np.repeat(grey[:, None], 3, axis=1)

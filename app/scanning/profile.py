@@ -64,7 +64,10 @@ def triangulated(
     is_met = np.asarray(np.isfinite(points).all(axis=1), np.bool_)
     if not is_met.all():
         stripe, points = stripe.select(is_met), points[is_met]
-    step = (1.0, 0.0) if orientation == "vertical" else (0.0, 1.0)
-    per_pixel = triangulator.rig.depth_per_pixel(stripe.pixels, laser, step)
+    half = np.array([0.5, 0.0] if orientation == "vertical" else [0.0, 0.5])
+    ahead = triangulator.points(stripe.pixels + half, laser, 0.0)
+    back = triangulator.points(stripe.pixels - half, laser, 0.0)
+    # `Rig.depth_per_pixel`, from the table of rays.
+    per_pixel = np.sqrt(np.sum((ahead - back) ** 2, axis=1))
     sigma: NDArray[np.float32] = (np.sqrt(stripe.variance) * per_pixel).astype(np.float32)
     return stripe, points, sigma

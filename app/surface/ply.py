@@ -37,8 +37,9 @@ class PlyWriter:
     """A PLY file that grows by one cloud after the other; a context manager.
 
     A path is written beside its place and renamed when the block ends well; nothing is left behind
-    otherwise. Nobody waits for the disk to have it: a cloud can be derived again from its recording. A stream gets the whole file at the end, because its header needs the number of points:
-    until then the points wait in a temporary file.
+    otherwise. Nobody waits for the disk to have it: a cloud can be derived again from its recording. A stream
+    gets the whole file at the end, because its header needs the number of points: until then the points
+    wait in a temporary file.
 
     Args:
         target: where to, or an open binary stream, which stays open.
