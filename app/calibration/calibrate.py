@@ -27,8 +27,8 @@ Method: TypeAlias = Literal["joint", "paper"]
 AxisMethod: TypeAlias = Literal["auto", "line", "board", "platter"]
 
 _ENOUGH_CAMERA_VIEWS = 6
-_FOCUS_SIGMAS = 4.0
-_FOCUS_SHARE = 0.003
+_FOCUS_SIGMAS = 3.0
+_FOCUS_SHARE = 0.004
 _TOLERATED_MM = 0.5
 _WOBBLE_MM = 1.0
 _CHI_SUSPECT = 3.0
@@ -138,7 +138,7 @@ def _solve_camera(evidence: Evidence, plan: CalibrationPlan) -> _Camera:
     notes: list[str] = []
     refine = True
     if used is own and len(others) >= _ENOUGH_CAMERA_VIEWS:
-        focus = _focus_change(result, others, evidence, plan)
+        focus = _focus_change(result, others, evidence)
         if focus:
             notes.append(focus)
             refine = False
@@ -157,12 +157,10 @@ def _intrinsics(views: Sequence[View], evidence: Evidence, plan: CalibrationPlan
     return solve_intrinsics([v.board for v in views], evidence.size, model=model, sought=sought)
 
 
-def _focus_change(
-    result: IntrinsicsResult, others: Sequence[View], evidence: Evidence, plan: CalibrationPlan
-) -> str:
+def _focus_change(result: IntrinsicsResult, others: Sequence[View], evidence: Evidence) -> str:
     """A sentence where the other views contradict the camera; empty where they agree or cannot tell."""
     try:
-        second = _intrinsics(others, evidence, plan)
+        second = solve_intrinsics([v.board for v in others], evidence.size, model="paper")
     except CalibrationError:
         return ""
     first_px, second_px = result.camera.matrix[0, 0], second.camera.matrix[0, 0]

@@ -16,7 +16,7 @@ from app.vision.markers import MarkerObservation
 UNIT_CORNERS = np.array([[-0.5, 0.5, 0.0], [0.5, 0.5, 0.0], [0.5, -0.5, 0.0], [-0.5, -0.5, 0.0]])
 """(4, 3) corners of a marker of side one in the order they are seen; x right, y up, z towards the eye."""
 
-_REFERENCES = 8
+_REFERENCES, _TRIED = 8, 24
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -61,9 +61,10 @@ def start_sheet(
     for k in chosen:
         known = _layout_from_one(camera, observations[richest[k]], marker_mm)
         known = _with_the_others(camera, observations, known, marker_mm)
-        poses = _sheet_poses(camera, observations, known, marker_mm)
-        candidates.append((float(np.median([p.rms_px for p in poses])), known, poses))
-    _, known, poses = min(candidates, key=lambda c: c[0])
+        tried = _sheet_poses(camera, observations[:: max(1, len(observations) // _TRIED)], known, marker_mm)
+        candidates.append((float(np.median([p.rms_px for p in tried])), known))
+    _, known = min(candidates, key=lambda c: c[0])
+    poses = _sheet_poses(camera, observations, known, marker_mm)
     ids = tuple(known)
     return SheetStart(ids, np.array([known[i] for i in ids]), poses)
 

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import linalg, sparse
+from scipy import sparse
+from scipy.sparse import linalg
 
 from app.calibration.bundle import Corners, State, Stripes, moved, residuals
 from app.errors import CalibrationError
@@ -84,7 +85,8 @@ def solve(
     state, _ = _descend(state, scaled_corners, scaled_stripes, free, step, on_step)
     r, jacobian = residuals(state, scaled_corners, scaled_stripes)
     uncertain = free if uncertain is None else uncertain
-    covariance = _covariance(_normal_matrix(jacobian[:, uncertain], _weights(r)))
+    normal = _normal_matrix(jacobian[:, uncertain], _weights(r))
+    covariance = _covariance(np.asarray(normal.toarray(), np.float64))
     n = 2 * len(corners.pixels)
     assumed = _in_assumed_units(r, noise, corners, stripes)
     is_inlier = np.abs(r) < 2.0 * _ROBUST_SCALE
@@ -110,9 +112,9 @@ def _cost(r: Floats) -> float:
     return float(2.0 * _ROBUST_SCALE**2 * np.sum(np.sqrt(1.0 + (r / _ROBUST_SCALE) ** 2) - 1.0))
 
 
-def _normal_matrix(jacobian: sparse.csr_array, weights: Floats) -> Floats:
+def _normal_matrix(jacobian: sparse.csr_array, weights: Floats) -> sparse.csc_array:
     weighted = sparse.csr_array(sparse.diags_array(np.sqrt(weights)) @ jacobian)
-    return np.asarray((weighted.T @ weighted).toarray())
+    return sparse.csc_array(weighted.T @ weighted)
 
 
 def _descend(
@@ -152,15 +154,18 @@ def _descend(
     return state, step
 
 
-def _solve_damped(normal: Floats, gradient: Floats, damping: float) -> Floats:
-    diagonal = np.diag(normal).copy()
+def _solve_damped(normal: sparse.csc_array, gradient: Floats, damping: float) -> Floats:
+    diagonal = normal.diagonal()
     if not np.isfinite(diagonal).all():
         raise CalibrationError("The adjustment ran away: the start values do not fit the pictures.")
     scale = 1.0 / np.sqrt(np.maximum(diagonal, 1e-12 * max(float(diagonal.max(initial=0.0)), 1e-300)))
-    scaled = normal * scale[:, None] * scale[None, :]
-    scaled[np.diag_indices_from(scaled)] += damping
-    factor = linalg.cho_factor(scaled + 1e-14 * np.eye(len(scaled)), check_finite=False)
-    solved: Floats = scale * linalg.cho_solve(factor, scale * gradient, check_finite=False)
+    scaling = sparse.diags_array(scale)
+    damped = scaling @ normal @ scaling + (damping + 1e-14) * sparse.eye_array(len(scale))
+    # Bodies and angles meet only through camera, axis and planes: the factor stays sparse.
+    factor = linalg.splu(
+        sparse.csc_array(damped), permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}
+    )
+    solved: Floats = scale * factor.solve(scale * gradient)
     return solved
 
 

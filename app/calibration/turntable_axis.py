@@ -11,6 +11,7 @@ from app.geometry.axis import TurntableAxis
 from app.geometry.transform import RigidTransform, rotation_about, rvec_from_rotation
 
 _LEAST_TURN_RAD = np.radians(2.0)
+_PARTNERS = 8
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -81,7 +82,8 @@ def solve_axis_turning(
     pairs: list[tuple[RigidTransform, RigidTransform, float]] = []
     for poses, turned in zip(placements, angles, strict=True):
         for j in range(1, len(poses)):
-            for i in range(j):
+            # All pairs of a few views; of many, each with some partners near and far.
+            for i in range(0, j, max(1, len(poses) // _PARTNERS)):
                 rvec = rvec_from_rotation(poses[j].rotation @ poses[i].rotation.T)
                 if np.linalg.norm(rvec) > _LEAST_TURN_RAD:
                     vectors.append(rvec)
