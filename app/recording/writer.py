@@ -62,14 +62,7 @@ class RecordingWriter:
             OutputError: the folder holds something, or cannot be made.
         """
         folder = Path(path)
-        try:
-            is_taken = folder.exists() and (not folder.is_dir() or any(folder.iterdir()))
-        except OSError as error:
-            raise OutputError(str(folder), reason(error)) from error
-        if is_taken:
-            raise OutputError(
-                str(folder), "is not empty" if folder.is_dir() else "is not a folder", _TAKEN_HINT
-            )
+        refuse_taken(folder)
         make_folder(folder / FRAMES_FOLDER)
         return cls(folder, header, (), image_format, quality)
 
@@ -262,6 +255,21 @@ class RecordingWriter:
 
     def _next_place(self) -> str:
         return f"{self.folder}: frame {len(self.entries)}"
+
+
+def refuse_taken(folder: Path) -> None:
+    """Whether a new recording may be made there.
+
+    Raises:
+        OutputError: the folder holds something, or is none.
+    """
+    try:
+        is_taken = folder.exists() and (not folder.is_dir() or any(folder.iterdir()))
+    except OSError as error:
+        raise OutputError(str(folder), reason(error)) from error
+    if is_taken:
+        problem = "is not empty" if folder.is_dir() else "is not a folder"
+        raise OutputError(str(folder), problem, _TAKEN_HINT)
 
 
 def _header_of(manifest: Manifest) -> Header:
