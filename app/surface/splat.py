@@ -21,7 +21,8 @@ _UNKNOWN_SHADE = 0.8
 _LIGHT = np.array([-0.45, 0.6, 0.66])
 _EDGE_MM = 2.0
 _EDGE_DARKNESS = 0.55
-_DARKEST_COLOUR = 60.0
+# Scans are often dark: colours are brightened until their bright end has this value.
+_BRIGHT, _BRIGHT_PERCENTILE, _MOST_GAIN = 225.0, 95.0, 5.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -111,15 +112,17 @@ def _shaded(cloud: PointCloud, view: View) -> NDArray[np.uint8]:
     facing = np.where(facing[:, 2:] < 0.0, -facing, facing)
     light = np.clip(facing @ (_LIGHT / np.linalg.norm(_LIGHT)), 0.0, 1.0)
     shade = np.where(is_known, _AMBIENT + (1.0 - _AMBIENT) * light, _UNKNOWN_SHADE)
-    colours = _DARKEST_COLOUR + cloud.colours[:, ::-1] * ((255.0 - _DARKEST_COLOUR) / 255.0)
-    return np.clip(colours * shade[:, None], 0, 255).astype(np.uint8)
+    brightest = float(np.percentile(cloud.colours, _BRIGHT_PERCENTILE))
+    gain = min(max(_BRIGHT / max(brightest, 1.0), 1.0), _MOST_GAIN)
+    colours = cloud.colours[:, ::-1].astype(np.float64) * gain * shade[:, None]
+    return np.clip(colours, 0, 255).astype(np.uint8)
 
 
 def _with_edges(canvas: Canvas, nearest: NDArray[np.float32]) -> Canvas:
     """Darker where something lies nearer beside it: edges and creases stand out without any normals."""
     is_drawn = np.isfinite(nearest)
     depth = np.where(is_drawn, nearest, np.float32(-1e6))
-    step = cv2.dilate(depth, np.ones((3, 3), np.uint8)).astype(np.float64) - depth
-    step = np.where(is_drawn, np.clip(step / _EDGE_MM, 0.0, 1.0), 0.0)
+    raised = np.asarray(cv2.dilate(depth, np.ones((3, 3), np.uint8)), np.float32)
+    step = np.where(is_drawn, np.clip((raised - depth) / _EDGE_MM, 0.0, 1.0), 0.0)
     dark = 1.0 - _EDGE_DARKNESS * step[:, :, None]
-    return np.where(is_drawn[:, :, None], canvas * dark, canvas).astype(np.uint8)
+    return np.asarray(np.where(is_drawn[:, :, None], canvas * dark, canvas), np.uint8)
