@@ -80,8 +80,9 @@ class BoardSpec:
 
         A chessboard keeps its colours under half a turn when columns + rows is even: 8 x 6 and 7 x 5 are
         ambiguous, 9 x 6 is not. A symmetric circle grid always is; an asymmetric one when its rows are even
-        in number. ChArUco never is. The detector then numbers the corners so that rows run to the right or
-        down in the picture; follow a turning board with `flipped`.
+        in number. ChArUco never is. Boards of as many columns as rows may even repeat every quarter turn:
+        print unequal numbers. The detector then numbers the corners so that rows run to the right or down in
+        the picture; follow a turning board with `flipped`.
         """
         if self.kind == "chessboard":
             return (self.columns + self.rows) % 2 == 0

@@ -2,7 +2,6 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from app.geometry.arrays import Floats
 from app.vision.stripe import Image
@@ -19,39 +18,14 @@ def chessboard_order(grey: Image, grid: Floats) -> Floats:
     return most_upright(black_first or options)
 
 
-def circles_order(grid: Floats) -> Floats:
-    """The grid (rows, columns, 2) of a symmetric circle grid, not mirrored, rows to the right or down."""
-    return most_upright(_turned(_unmirrored(grid)))
-
-
-def asymmetric_order(grid: Floats, board: Floats) -> Floats:
-    """The grid (rows, columns, 2) of an asymmetric circle grid, in the order that fits the printed one.
-
-    Args:
-        grid: dots in some order, row by row.
-        board: (rows * columns, 2) where they are printed, mm.
-    """
-    fitting: list[tuple[float, Floats]] = []
-    for option in (grid, grid[::-1, ::-1], grid[::-1], grid[:, ::-1]):
-        seen = option.reshape(-1, 2)
-        homography = np.asarray(cv2.findHomography(board, seen)[0], np.float64)
-        if homography.shape != (3, 3) or _handedness(homography, board) <= 0.0:
-            continue
-        mapped = cv2.perspectiveTransform(board.reshape(-1, 1, 2), homography).reshape(-1, 2)
-        fitting.append((float(np.sqrt(np.mean(np.sum((mapped - seen) ** 2, axis=1)))), option))
-    if not fitting:
-        return grid
-    best = min(off for off, _ in fitting)
-    return most_upright([option for off, option in fitting if off <= 2.0 * best + 0.1])
-
-
 def most_upright(options: list[Floats]) -> Floats:
-    """The option whose rows run most to the right and down.
+    """The option whose rows run most to the right and down; of four options, most to the right.
 
-    The diagonal is the border between the two numberings, so that neither a board that stands nor one that
-    lies on its side is near it.
+    The border between two numberings is a diagonal, so that neither a board that stands nor one that lies on
+    its side is near it.
     """
-    return max(options, key=lambda grid: float((grid[:, -1] - grid[:, 0]).mean(axis=0).sum()))
+    towards = np.array([1.0, 1.0 if len(options) <= 2 else 0.0])
+    return max(options, key=lambda grid: float((grid[:, -1] - grid[:, 0]).mean(axis=0) @ towards))
 
 
 def _turned(grid: Floats) -> list[Floats]:
@@ -85,11 +59,3 @@ def _sampled(grey: Image, places: Floats) -> Floats:
     v = np.clip(np.rint(places[..., 1]), 0, height - 1).astype(np.intp)
     values: Floats = np.asarray(smooth)[v, u].astype(np.float64)
     return values
-
-
-def _handedness(homography: Floats, board: Floats) -> float:
-    """Sign of the area a small patch in the middle of the board keeps in the picture."""
-    middle: NDArray[np.float64] = board.mean(axis=0)
-    patch = (middle + np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])).reshape(-1, 1, 2)
-    a, b, c = cv2.perspectiveTransform(patch, homography).reshape(-1, 2)
-    return float((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0])

@@ -7,14 +7,15 @@ import numpy as np
 
 from app.geometry.arrays import Floats, Pixels
 from app.vision.board import BOARD_DETECTORS, BoardObservation, BoardSpec
-from app.vision.board_order import asymmetric_order, circles_order
 from app.vision.corners import best_corners, grey_of, projected, without_colour
+from app.vision.dot_grid import find_grid
+from app.vision.dots import find_dots
 from app.vision.stripe import Image
 
 
 @dataclass(frozen=True)
 class CirclesDetector:
-    """OpenCV's blob and grid search, then the centre of darkness of each dot.
+    """Elliptical spots that form the printed grid, then the centre of darkness of each dot.
 
     A circle seen at a slant is an ellipse whose centre is not the picture of the circle's centre; that
     shift is computed from the size of the dots and taken out.
@@ -23,49 +24,20 @@ class CirclesDetector:
     def detect(self, image: Image, spec: BoardSpec) -> BoardObservation:
         grey = without_colour(image) if image.ndim == 3 else grey_of(image)
         for dark_dots in (grey, np.asarray(255 - grey, np.uint8)):
-            found = _find(dark_dots, spec)
+            found = find_grid(find_dots(dark_dots), spec)
             if len(found):
                 return _refined(dark_dots, found, spec)
         return BoardObservation.empty()
 
 
-def _find(grey: Image, spec: BoardSpec) -> Pixels:
-    kind = cv2.CALIB_CB_SYMMETRIC_GRID if spec.kind == "circles" else cv2.CALIB_CB_ASYMMETRIC_GRID
-    for flags in (kind, kind | cv2.CALIB_CB_CLUSTERING):
-        for blobs in (_blobs(grey), cv2.SimpleBlobDetector.create()):
-            is_found, centres = cv2.findCirclesGrid(
-                grey, (spec.columns, spec.rows), flags=flags, blobDetector=blobs
-            )
-            if (
-                is_found
-                and centres is not None
-                and len(np.unique(centres, axis=0)) == spec.columns * spec.rows
-            ):
-                return np.asarray(centres, np.float64).reshape(-1, 2)
-    return np.zeros((0, 2))
-
-
-def _blobs(grey: Image) -> cv2.SimpleBlobDetector:
-    """Dots of any size that makes sense in this picture; OpenCV's own limits end at 5000 px^2."""
-    parameters = cv2.SimpleBlobDetector.Params()
-    parameters.minArea, parameters.maxArea = 12.0, grey.size / 40.0
-    parameters.minDistBetweenBlobs = 4.0
-    parameters.filterByConvexity, parameters.minConvexity = True, 0.85
-    parameters.filterByInertia, parameters.minInertiaRatio = True, 0.08
-    return cv2.SimpleBlobDetector.create(parameters)
-
-
 def _refined(grey: Image, found: Pixels, spec: BoardSpec) -> BoardObservation:
     points = spec.points()
     board = points[:, :2]
-    grid = found.reshape(*spec.shape, 2)
-    grid = circles_order(grid) if spec.kind == "circles" else asymmetric_order(grid, board)
-    start = grid.reshape(-1, 2)
-    homography = np.asarray(cv2.findHomography(board, start)[0], np.float64)
+    homography = np.asarray(cv2.findHomography(board, found)[0], np.float64)
     if homography.shape != (3, 3):
         return BoardObservation.empty()
     nearest = spec.spacing_mm * (1.0 if spec.kind == "circles" else np.sqrt(2.0))
-    centred, radius_mm = _centres_of_darkness(grey, start, homography, board, nearest)
+    centred, radius_mm = _centres_of_darkness(grey, found, homography, board, nearest)
     corrected = centred - _slant_shift(homography, board, radius_mm)
     corners, believed = best_corners([corrected, centred], board)
     return BoardObservation(np.arange(len(points)), corners, points).select(believed)
