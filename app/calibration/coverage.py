@@ -64,9 +64,21 @@ def focal_error(camera: CameraIntrinsics, deviations: Floats, rms_px: float) -> 
 
 
 def doubts(
-    camera: CameraIntrinsics, poses: Sequence[RigidTransform], coverage: Coverage, relative_focal_error: float
+    camera: CameraIntrinsics,
+    poses: Sequence[RigidTransform],
+    distances_mm: Sequence[float],
+    coverage: Coverage,
+    relative_focal_error: float,
 ) -> tuple[str, ...]:
-    """What a person should know before trusting the camera, however small its residuals. Plain sentences."""
+    """What a person should know before trusting the camera, however small its residuals. Plain sentences.
+
+    Args:
+        camera: the solution.
+        poses: where each board stood.
+        distances_mm: how far from the camera the middle of each board was.
+        coverage: of all corners.
+        relative_focal_error: see `focal_error`.
+    """
     said: list[str] = []
     if len(poses) < _ENOUGH_VIEWS:
         said.append(
@@ -89,8 +101,7 @@ def doubts(
             f"The corners cover only {100.0 * coverage.share:.0f} % of the picture, "
             "so the distortion elsewhere is a guess; bring the board to every side and corner of the picture."
         )
-    distances = [float(np.linalg.norm(pose.translation)) for pose in poses]
-    if max(distances) < _ENOUGH_DISTANCES * min(distances):
+    if max(distances_mm) < _ENOUGH_DISTANCES * min(distances_mm):
         said.append("All boards are at the same distance; take some closer and some further away.")
     return (*said, *_odd_values(camera))
 

@@ -35,12 +35,14 @@ class FittedView:
     Attributes:
         index: its place in the sequence that was given.
         camera_from_board: where the board stood.
+        distance_mm: from the camera to the middle of the corners.
         corners: (N, 2) px.
         residuals: (N, 2) measured minus predicted, px.
     """
 
     index: int
     camera_from_board: RigidTransform
+    distance_mm: float
     corners: Pixels
     residuals: Pixels
 
@@ -162,7 +164,7 @@ def _result(
     poses = [view.camera_from_board for view in views]
     coverage = Coverage.of([view.corners for view in views], size)
     uncertainty = focal_error(fit.camera, fit.deviations, fit.rms_px)
-    said = doubts(fit.camera, poses, coverage, uncertainty)
+    said = doubts(fit.camera, poses, [view.distance_mm for view in views], coverage, uncertainty)
     return IntrinsicsResult(
         fit.camera, model, fit.rms_px, fit.deviations, views, dropped,
         coverage, tilt_spread_deg(poses), uncertainty, said,
@@ -246,13 +248,15 @@ def _fitted_view(camera: CameraIntrinsics, seen: BoardObservation, index: int) -
         seen.board_points, seen.corners, camera.matrix, camera.distortion, flags=cv2.SOLVEPNP_IPPE
     )
     if not is_solved:
-        return FittedView(index, RigidTransform.identity(), seen.corners, np.full_like(seen.corners, np.inf))
+        nowhere = np.full_like(seen.corners, np.inf)
+        return FittedView(index, RigidTransform.identity(), np.inf, seen.corners, nowhere)
     rvec, translation = cv2.solvePnPRefineLM(
         seen.board_points, seen.corners, camera.matrix, camera.distortion, rvec, translation
     )
     pose = RigidTransform.from_rvec(np.asarray(rvec), np.asarray(translation))
-    residuals = seen.corners - camera.project(pose @ seen.board_points)
-    return FittedView(index, pose, seen.corners, np.nan_to_num(residuals, nan=np.inf))
+    points = pose @ seen.board_points
+    residuals = np.nan_to_num(seen.corners - camera.project(points), nan=np.inf)
+    return FittedView(index, pose, float(np.linalg.norm(points.mean(axis=0))), seen.corners, residuals)
 
 
 def _fit(
