@@ -1,8 +1,8 @@
 """Cameras that others calibrated from the same pictures.
 
 The values of `data/README.md` come from a fixed refinement window of 11 x 11 px, which leaves one Ciclop view
-0.7 px off. Ours follows the size of the squares, and spoilt corners are left out: our RMS is at most theirs, and
-the values agree within a few standard deviations.
+0.7 px off. Ours follows the size of the squares, and spoilt corners are left out: our RMS is at most theirs,
+and the values agree within a few standard deviations.
 """
 
 from collections.abc import Callable
