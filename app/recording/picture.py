@@ -109,7 +109,7 @@ def encode(image: Image, image_format: ImageFormat = "png", quality: int = 95) -
 
 
 def _inspect_png(data: bytes) -> PictureFacts:
-    if len(data) < 24 or data[12:16] != b"IHDR" or data.find(_PNG_END, 33) < 0:
+    if len(data) < 24 or data[12:16] != b"IHDR" or data.rfind(_PNG_END, 33) < 0:
         raise ValueError("is truncated")
     width, height = struct.unpack(">II", data[16:24])
     return PictureFacts("png", (width, height))
@@ -138,6 +138,6 @@ def _inspect_jpeg(data: bytes) -> PictureFacts:
         at += 2 + length
         if marker == _JPEG_SCAN:
             break
-    if size is None or data.find(_JPEG_END, at) < 0:
+    if size is None or data.rfind(_JPEG_END, at) < 0:
         raise ValueError("is truncated")
     return PictureFacts("jpeg", size)

@@ -48,7 +48,9 @@ class Video:
             for image in _frames(capture):
                 times_s.append(float(capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0)
                 size = (image.shape[1], image.shape[0])
-                small = cv2.resize(image, _COMPARED, interpolation=cv2.INTER_AREA)
+                small = cv2.resize(image, _COMPARED, interpolation=cv2.INTER_AREA).astype(
+                    np.uint8, copy=False
+                )
                 grey = cv2.cvtColor(small, cv2.COLOR_BGR2GRAY).astype(np.float32)
                 changes.append(float(cv2.norm(grey, before, cv2.NORM_L1)) / grey.size)
                 before = grey
