@@ -11,6 +11,7 @@ from app.calibration.intrinsics import IntrinsicsResult, solve_intrinsics
 from app.calibration.joint import JointResult, solve_joint
 from app.calibration.laser_plane import LaserPlaneResult, solve_laser_plane
 from app.calibration.outcome import CalibrationOutcome, ViewResidual
+from app.calibration.platter_file import platter_entry
 from app.calibration.problem import BoardView, board_views
 from app.calibration.record import CalibrationRecord
 from app.calibration.turntable_axis import AxisResult, solve_axis_line, solve_axis_turning
@@ -253,10 +254,7 @@ def _extra(found: JointResult) -> dict[str, Any]:
         ],
     }
     if found.layout:
-        extra["platter"] = {
-            "marker_mm": found.marker_mm,
-            "corners_mm": {str(number): corners.tolist() for number, corners in found.layout.items()},
-        }
+        extra["platter"] = platter_entry(found.layout, found.marker_mm)
     return extra
 
 

@@ -1,0 +1,79 @@
+"""`turnscan calibrate`: recordings in, a calibration file and a report out."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.calibration.calibrate import CalibrationPlan, calibrate
+from app.calibration.record import CalibrationRecord
+from app.calibration.report import report_lines, write_report
+from app.cli.console import progress_bar, say, warn
+from app.errors import OptionError
+from app.geometry.camera import CameraIntrinsics
+from app.recording.reader import Recording
+from app.vision.stripe import STRIPE_DETECTORS
+
+_DOUBTFUL = 1
+
+
+class _Method(StrEnum):
+    JOINT = "joint"
+    PAPER = "paper"
+
+
+class _Axis(StrEnum):
+    AUTO = "auto"
+    LINE = "line"
+    BOARD = "board"
+    PLATTER = "platter"
+
+
+def calibrate_command(
+    recordings: Annotated[list[Path], typer.Argument(help="One or more recordings of the same rig.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The calibration file.")],
+    method: Annotated[
+        _Method, typer.Option(help="joint: everything in one adjustment. paper: step by step, as Rui Wang.")
+    ] = _Method.JOINT,
+    axis: Annotated[_Axis, typer.Option(help="How the paper's method finds the axis.")] = _Axis.AUTO,
+    intrinsics: Annotated[
+        Path | None, typer.Option(help="A calibration file whose camera is taken as it is.")
+    ] = None,
+    detector: Annotated[
+        str, typer.Option(help="Stripe detector; by default zero-crossing, or threshold for the paper.")
+    ] = "",
+    report: Annotated[
+        Path | None, typer.Option(help="A .html or .png report; by default HTML beside the output.")
+    ] = None,
+    no_distortion: Annotated[
+        bool, typer.Option("--no-distortion", help="With paper: leave the lens distortion out, as it does.")
+    ] = False,
+) -> int:
+    """Calibrate camera, laser planes and axis from recordings."""
+    if no_distortion and method is not _Method.PAPER:
+        raise OptionError("--no-distortion only goes with --method paper.")
+    if axis is not _Axis.AUTO and method is not _Method.PAPER:
+        raise OptionError(
+            "--axis only goes with --method paper: the joint method uses all that was recorded."
+        )
+    name = detector or ("threshold" if method is _Method.PAPER else "zero-crossing")
+    plan = CalibrationPlan(
+        method.value, axis.value, None if intrinsics is None else _camera(intrinsics), not no_distortion
+    )
+    finder = STRIPE_DETECTORS.make(name)
+    opened = [Recording.open(path) for path in recordings]
+    with progress_bar() as show:
+        outcome = calibrate(opened, finder, plan, show)
+    written = report if report is not None else output.with_suffix(".html")
+    outcome.record.save(output)
+    write_report(outcome, written)
+    say(report_lines(outcome))
+    warn(outcome.notes)
+    warn(outcome.doubts, is_doubt=True)
+    say([f"Calibration in {output}, report in {written}."])
+    return _DOUBTFUL if outcome.doubts else 0
+
+
+def _camera(path: Path) -> CameraIntrinsics:
+    return CalibrationRecord.load(path).camera
