@@ -5,108 +5,29 @@ from collections.abc import Mapping
 from pathlib import PurePosixPath, PureWindowsPath
 from typing import Annotated, Any, Literal
 
-import cv2
-from pydantic import Field, StringConstraints, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from app.documents import Entry, Json, compose
 from app.errors import RecordingError
+from app.recording.manifest_facts import (
+    LARGEST,
+    BoardFacts,
+    CameraFacts,
+    LaserFacts,
+    PlatterFacts,
+    TurntableFacts,
+    board_json,
+    platter_json,
+)
+from app.recording.manifest_facts import Direction as Direction
 from app.recording.shot import Role
 from app.vision.board import BoardSpec
 from app.vision.markers import PlatterSpec
 from app.vision.stripe import LaserColour
 
-FORMAT: Literal["turnscan-recording"] = "turnscan-recording"
-VERSION: Literal[1] = 1
-Direction = Literal["ccw", "cw"]
-
-_LARGEST = 10**9
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 _BOARD_HINT = "Say in recording.json which calibration board the pictures show."
 _PLATTER_HINT = "Say in recording.json which markers lie on the table."
-Millimetres = Annotated[float, Field(gt=0.0, le=1e6)]
-PixelCount = Annotated[int, Field(gt=0, le=65535)]
-Count = Annotated[int, Field(ge=2, le=1000)]
-Name = Annotated[str, StringConstraints(min_length=1, max_length=200)]
-Number = Annotated[float, Field(ge=-_LARGEST, le=_LARGEST)]
-
-
-class CameraFacts(Entry):
-    """Pixels of every frame."""
-
-    width: PixelCount
-    height: PixelCount
-    name: str | None = None
-
-
-class LaserFacts(Entry):
-    name: Name
-    colour: LaserColour
-
-
-class TurntableFacts(Entry):
-    """Which way the table turns as `angle_deg` grows, seen from above; how fast, where it turns steadily."""
-
-    direction: Direction
-    seconds_per_turn: Annotated[float, Field(gt=0.0, le=_LARGEST)] | None = None
-
-
-class ChessboardFacts(Entry):
-    kind: Literal["chessboard"]
-    columns: Count
-    rows: Count
-    square_mm: Millimetres
-
-
-class CharucoFacts(Entry):
-    kind: Literal["charuco"]
-    columns: Count
-    rows: Count
-    square_mm: Millimetres
-    marker_mm: Millimetres
-    dictionary: str
-
-    @field_validator("dictionary")
-    @classmethod
-    def _is_known(cls, name: str) -> str:
-        return known_dictionary(name)
-
-    @model_validator(mode="after")
-    def _marker_fits(self) -> "CharucoFacts":
-        if self.marker_mm >= self.square_mm:
-            raise ValueError(
-                f"marker_mm must be smaller than square_mm, but {self.marker_mm:g} >= {self.square_mm:g}"
-            )
-        return self
-
-
-class CirclesFacts(Entry):
-    kind: Literal["circles", "asymmetric_circles"]
-    columns: Count
-    rows: Count
-    spacing_mm: Millimetres
-
-
-BoardFacts = Annotated[ChessboardFacts | CharucoFacts | CirclesFacts, Field(discriminator="kind")]
-
-
-class PlatterFacts(Entry):
-    """ArUco markers fixed on the table; where they lie is unknown."""
-
-    kind: Literal["aruco"]
-    dictionary: str
-    marker_mm: Millimetres
-    ids: Annotated[tuple[Annotated[int, Field(ge=0, le=100_000)], ...], Field(min_length=1)]
-
-    @field_validator("dictionary")
-    @classmethod
-    def _is_known(cls, name: str) -> str:
-        return known_dictionary(name)
-
-    @field_validator("ids")
-    @classmethod
-    def _are_different(cls, ids: tuple[int, ...]) -> tuple[int, ...]:
-        if len(set(ids)) < len(ids):
-            raise ValueError("names a marker twice")
-        return ids
 
 
 class FrameEntry(Entry):
@@ -114,11 +35,11 @@ class FrameEntry(Entry):
 
     file: str
     role: Role
-    pose: Annotated[int, Field(ge=-_LARGEST, le=_LARGEST)] | None = None
+    pose: Annotated[int, Field(ge=-LARGEST, le=LARGEST)] | None = None
     angle_deg: Number | None = None
     time_s: Number | None = None
     lasers_on: tuple[str, ...] = ()
-    exposure_us: Annotated[float, Field(gt=0.0, le=_LARGEST)] | None = None
+    exposure_us: Annotated[float, Field(gt=0.0, le=LARGEST)] | None = None
 
     @field_validator("file")
     @classmethod
@@ -145,7 +66,7 @@ class Header(Entry):
     format: Literal["turnscan-recording"]
     version: Literal[1]
     camera: CameraFacts
-    lasers: tuple[LaserFacts, ...] = ()
+    lasers: Annotated[tuple[LaserFacts, ...], Field(max_length=64)] = ()
     turntable: TurntableFacts | None = None
     board: BoardFacts | None = None
     platter: PlatterFacts | None = None
@@ -186,7 +107,7 @@ class Header(Entry):
             extra: further keys to keep in the file.
         """
         camera: Json = {"width": size[0], "height": size[1]}
-        document: Json = {**(extra or {}), "format": FORMAT, "version": VERSION, "camera": camera}
+        document: Json = {**(extra or {}), "format": "turnscan-recording", "version": 1, "camera": camera}
         document["lasers"] = [{"name": n, "colour": c} for n, c in (lasers or {}).items()]
         if camera_name is not None:
             camera["name"] = camera_name
@@ -195,12 +116,9 @@ class Header(Entry):
             if seconds_per_turn is not None:
                 document["turntable"]["seconds_per_turn"] = seconds_per_turn
         if board is not None:
-            document["board"] = _board_json(board)
+            document["board"] = board_json(board)
         if platter is not None:
-            document["platter"] = {
-                "kind": "aruco", "dictionary": platter.dictionary,
-                "marker_mm": platter.marker_mm, "ids": list(platter.ids),
-            }  # fmt: skip
+            document["platter"] = platter_json(platter)
         return compose(Header, document, "new recording", RecordingError)
 
     @property
@@ -214,16 +132,9 @@ class Header(Entry):
         Raises:
             RecordingError: the recording names none.
         """
-        board = self.board
-        if board is None:
+        if self.board is None:
             raise RecordingError("recording.json: board", "is missing", _BOARD_HINT)
-        if isinstance(board, CirclesFacts):
-            return BoardSpec(board.kind, board.columns, board.rows, board.spacing_mm)
-        if isinstance(board, CharucoFacts):
-            return BoardSpec(
-                board.kind, board.columns, board.rows, board.square_mm, board.marker_mm, board.dictionary
-            )
-        return BoardSpec(board.kind, board.columns, board.rows, board.square_mm)
+        return self.board.spec()
 
     def platter_spec(self) -> PlatterSpec:
         """The markers on the table.
@@ -233,7 +144,7 @@ class Header(Entry):
         """
         if self.platter is None:
             raise RecordingError("recording.json: platter", "is missing", _PLATTER_HINT)
-        return PlatterSpec(self.platter.dictionary, self.platter.marker_mm, self.platter.ids)
+        return self.platter.spec()
 
 
 class Manifest(Header):
@@ -282,20 +193,3 @@ def check_frame(header: Header, frame: FrameEntry, place: str) -> None:
             )
         if frame.time_s is None:
             raise ValueError(f"{place}: needs angle_deg or time_s")
-
-
-def _board_json(board: BoardSpec) -> Json:
-    facts: Json = {"kind": board.kind, "columns": board.columns, "rows": board.rows}
-    if board.kind in ("circles", "asymmetric_circles"):
-        return {**facts, "spacing_mm": board.spacing_mm}
-    facts["square_mm"] = board.spacing_mm
-    if board.kind == "charuco":
-        facts |= {"marker_mm": board.marker_mm, "dictionary": board.dictionary}
-    return facts
-
-
-def known_dictionary(name: str) -> str:
-    """An ArUco dictionary's name, if OpenCV knows it."""
-    if not (name.startswith("DICT_") and isinstance(getattr(cv2.aruco, name, None), int)):
-        raise ValueError(f"there is no ArUco dictionary called {name!r}")
-    return name

@@ -1,9 +1,12 @@
 """What is written is read back, whatever happens in between."""
 
+import tempfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from numpy.testing import assert_array_equal
 
 from app.errors import OutputError, RecordingError
@@ -177,3 +180,48 @@ def test_a_cameras_own_jpeg_is_kept_byte_for_byte(tmp_path: Path) -> None:
         entry = writer.append_encoded(data, Role.SCAN, ("left", "right"), 5.0)
     assert entry.file == "frames/000000.jpg"
     assert Recording.open(tmp_path).read_bytes(entry) == data
+
+
+NUMBERS = st.none() | st.floats(-1e9, 1e9)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.lists(
+        st.builds(
+            Shot,
+            st.integers(0, 1000).map(picture),
+            st.sampled_from([role for role in Role if role is not Role.SCAN]),
+            st.sampled_from([(), ("left",), ("right", "left")]),
+            angle_deg=NUMBERS,
+            pose=st.none() | st.integers(-(10**9), 10**9),
+            time_s=NUMBERS,
+            exposure_us=st.none() | st.floats(1e-3, 1e9),
+        ),
+        max_size=4,
+    )
+)
+def test_any_shots_come_back_as_they_went(shots: list[Shot]) -> None:
+    with tempfile.TemporaryDirectory() as folder:
+        with RecordingWriter.create(folder, header()) as writer:
+            for shot in shots:
+                writer.append(shot)
+        for shot, back in zip(shots, Recording.open(folder).shots(), strict=True):
+            assert_array_equal(shot.image, back.image)
+            for fact in ("role", "lasers_on", "angle_deg", "pose", "time_s", "exposure_us"):
+                assert getattr(shot, fact) == getattr(back, fact)
+
+
+def test_a_journal_cut_anywhere_gives_the_frames_before_the_cut(tmp_path: Path) -> None:
+    writer = RecordingWriter.create(tmp_path, header())
+    for number in range(3):
+        writer.append(scan(number))
+    writer.suspend()
+    journal = tmp_path / JOURNAL_FILE
+    whole = journal.read_bytes()
+    for end in range(whole.index(b"\n") + 1, len(whole)):
+        journal.write_bytes(whole[:end])
+        assert len(Recording.open(tmp_path).entries) == whole[:end].count(b"\n") - 1
+    journal.write_bytes(whole[:20])
+    with pytest.raises(RecordingError, match="holds no frame yet"):
+        Recording.open(tmp_path)
