@@ -11,8 +11,12 @@ from app.errors import OptionError
 from app.geometry.arrays import Floats
 from app.vision.stripe import Image
 
-_REFINEMENT_SHARE = 0.15
-"""Half the refinement window as a share of the marker's side; a cell of a 4 x 4 marker is a sixth."""
+_REFINEMENT_SHARE = 0.09
+"""Half the refinement window as a share of the marker's side.
+
+A cell of a 4 x 4 marker is a sixth of the side, and so may be the white border: a window that reaches its
+outer edge pulls the corners off by pixels.
+"""
 _SMALLEST_HALF, _LARGEST_HALF = 2, 7
 
 
