@@ -11,10 +11,8 @@ from app.vision.segments import has_company, noise_scale, segments_of, smooth_wi
 from app.vision.stripe import Image, LaserStripe, LaserView, Orientation
 from app.vision.threshold import across_lines, laser_channel, ridge_response
 
-# A summit of pure noise in a line of some thousand pixels lies below this many standard deviations,
-# and above its local minimum below the other.
-_SUMMIT_SIGMAS = 4.5
-_RIDGE_SIGMAS = 6.5
+# The highest of 64 pixels of noise lies 2.4 standard deviations up, that of a whole picture 5.
+_TEXTURES = 2.1
 _LARGEST_SIGMA_PX = 10.0
 
 
@@ -46,13 +44,14 @@ def find_candidates(view: LaserView, min_strength: float, count: int, kernels: K
     """The `count` strongest peaks of every line that stand out of the picture's noise."""
     lit, dark = across_lines(view)
     channel = laser_channel(lit, dark, view.colour)
-    least = _least_height(lit, dark, channel, min_strength)
+    least = int(np.clip(np.ceil(min_strength), 1, 255))
     if dark is None:
         peaks = kernels.find_peaks(*ridge_response(lit, channel, view.colour), least, count)
     else:
         peaks = kernels.find_peaks_between(lit, dark, channel, least, count)
+    is_peak = peaks.height[:, :count] >= max(least, _TEXTURES * peaks.texture)
+    line, rank = np.divmod(np.flatnonzero(is_peak), count)
     height = peaks.height[:, :count]
-    line, rank = np.divmod(np.flatnonzero(height), count)
     heights = height[line, rank]
     second = np.minimum(peaks.height[line, count] / heights, 1.0)
     sigmas = peaks.sigma[line, rank]
@@ -63,21 +62,6 @@ def find_candidates(view: LaserView, min_strength: float, count: int, kernels: K
         lit, dark, channel, line, peaks.centre[line, rank], heights, second,
         float(np.clip(sigma, 0.5, _LARGEST_SIGMA_PX)),
     )  # fmt: skip
-
-
-def _least_height(lit: Image, dark: Image | None, channel: int, min_strength: float) -> int:
-    """The lowest summit that is no noise, from a sample of the lines."""
-    step = max(1, lit.shape[0] // 24)
-    lines = lit[::step] if lit.ndim == 2 else lit[::step, :, channel]
-    if dark is not None:
-        off = dark[::step] if dark.ndim == 2 else dark[::step, :, channel]
-        change = lines.astype(np.int16) - off
-        # The mean of a normal distribution's absolute value is 0.8 sigma.
-        noise, sigmas = float(np.abs(change - np.median(change)).mean()) / 0.8, _SUMMIT_SIGMAS
-    else:
-        change = np.diff(lines.astype(np.int16), axis=1)
-        noise, sigmas = float(np.median(np.abs(change))) / 0.67 / np.sqrt(2.0), _RIDGE_SIGMAS
-    return int(np.clip(np.ceil(max(min_strength, sigmas * noise)), 1, 255))
 
 
 def run_windows(peaks: Candidates) -> tuple[Floats, NDArray[np.intp], NDArray[np.bool_]]:

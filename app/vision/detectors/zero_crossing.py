@@ -9,7 +9,7 @@ from app.geometry.arrays import Floats
 from app.vision.candidates import Candidates, Measured, find_candidates, stripes_of
 from app.vision.kernels import Kernels, kernels
 from app.vision.kernels.results import Refined, Shape, Windows
-from app.vision.noise import measured_shape
+from app.vision.noise import LARGEST_CONTRAST, measured_shape
 from app.vision.segments import roughness, segments_of
 from app.vision.stripe import STRIPE_DETECTORS, LaserStripe, LaserView
 
@@ -111,8 +111,9 @@ class ZeroCrossingDetector:
         if self.measures_noise:
             windows = windows._replace(floor=np.zeros(n))
             shape = measured_shape(windows, shape, fast, self.sigma_px > 0.0)
-        plain, scored = fast.refine(windows, shape, self.scoring is not False)
-        if self.scoring is not None:
+        wants_scoring = shape.contrast < LARGEST_CONTRAST if self.scoring is None else self.scoring
+        plain, scored = fast.refine(windows, shape, wants_scoring)
+        if self.scoring is not None or not wants_scoring:
             return scored
         is_smooth = _rough(scored, peaks, column) <= _ROUGHER * _rough(plain, peaks, column)
         return scored if is_smooth else plain

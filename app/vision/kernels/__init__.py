@@ -7,8 +7,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from app.geometry.arrays import Floats
 from app.vision.kernels import twin
-from app.vision.kernels.results import Peaks, Refined, Shape, Windows
+from app.vision.kernels.results import Leftovers, Peaks, Refined, Shape, Windows
 from app.vision.stripe import Image
 
 
@@ -30,6 +31,10 @@ class Kernels(Protocol):
     ) -> Windows: ...  # fmt: skip
 
     def refine(self, windows: Windows, shape: Shape, is_scored: bool) -> tuple[Refined, Refined]: ...
+
+    def leftovers(self, windows: Windows, fit: Refined, shape: Shape) -> Leftovers: ...
+
+    def noise_terms(self, means: Floats, squares: Floats, least: float) -> tuple[float, float, float]: ...
 
 
 @cache

@@ -3,25 +3,59 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from app.vision.kernels import cutting, fitting, searching
-from app.vision.kernels.results import Peaks, Refined, Shape, Windows
+from app.geometry.arrays import Floats
+from app.vision.kernels import cutting, fitting, searching, terms
+from app.vision.kernels.jit import compiled
+from app.vision.kernels.results import (
+    AMPLITUDE_REACH,
+    BLOCK,
+    CLASSES,
+    CLIPPED_FROM,
+    FARTHEST,
+    HIGH,
+    LEAST_FREE,
+    LOW,
+    REACH,
+    SCORING_REACH,
+    SCORING_ROUNDS,
+    SUMMIT_REACH,
+    TEXTURE_STEP,
+    Leftovers,
+    Peaks,
+    Refined,
+    Shape,
+    Windows,
+)
 from app.vision.stripe import Image
+
+_noise_terms = compiled(terms.noise_terms)
 
 
 def find_peaks_between(lit: Image, dark: Image, channel: int, least: int, count: int) -> Peaks:
-    """As in `twin`, in one pass over both pictures."""
-    peaks = _no_peaks(len(lit), count)
-    searching.peaks_between(_flat(lit), _flat(dark), _stride(lit), channel, max(least, 1), *peaks)
-    return peaks
+    """As in `twin`; both pictures are read once."""
+    on, off = _flat(lit), _flat(dark)
+    return _peaks(on, off, (on, off, True), _stride(lit), channel, least, count)
 
 
 def find_peaks(response: Image, light: Image, least: int, count: int) -> Peaks:
     """As in `twin`."""
-    peaks = _no_peaks(len(response), count)
-    searching.peaks_of(
-        np.ascontiguousarray(response), np.ascontiguousarray(light), max(least, 1), *peaks
-    )
-    return peaks
+    on, light = _flat(response), _flat(light)
+    return _peaks(on, np.zeros_like(on), (light, light, False), 1, 0, least, count)
+
+
+def _peaks(
+    on: Image, off: Image, light: tuple[Image, Image, bool], stride: int, channel: int, least: int, count: int
+) -> Peaks:
+    most = searching.maxima(on, off, stride, channel, BLOCK)
+    if on.shape[1] // stride % BLOCK:
+        searching.last_maxima(on, off, stride, channel, BLOCK, most)
+    many = np.cumsum(searching.summits(most, TEXTURE_STEP))
+    texture = float(np.searchsorted(many, (many[-1] + 1) // 2))
+    height, centre = np.zeros((len(on), count + 1)), np.zeros((len(on), count))
+    sigma = np.full((len(on), count), np.nan)
+    limits = max(least, 1), BLOCK, SUMMIT_REACH, REACH, HIGH, LOW
+    searching.peaks(on, off, *light, stride, channel, most, limits, height, centre, sigma)
+    return Peaks(height, centre, sigma, texture)
 
 
 def cut_windows_between(
@@ -38,7 +72,17 @@ def cut_windows_between(
     windows = _no_windows(len(line), half)
     searched = (windows.signal, windows.usable, windows.clipped, windows.floor)
     cutting.windows_between(
-        _flat(lit), _flat(dark), _stride(lit), channel, line, column, half, core, albedo_noise, *searched
+        _flat(lit),
+        _flat(dark),
+        _stride(lit),
+        channel,
+        line,
+        column,
+        half,
+        core,
+        CLIPPED_FROM,
+        albedo_noise,
+        *searched,
     )
     return windows
 
@@ -54,7 +98,9 @@ def cut_windows(
 ) -> Windows:
     """As in `twin`."""
     windows = _no_windows(len(line), half)
-    cutting.windows_of(_flat(lit), _stride(lit), channel, line, column, half, core, foot, *windows)
+    cutting.windows_of(
+        _flat(lit), _stride(lit), channel, line, column, half, core, foot, CLIPPED_FROM, *windows
+    )
     return windows
 
 
@@ -62,12 +108,32 @@ def refine(windows: Windows, shape: Shape, is_scored: bool) -> tuple[Refined, Re
     """As in `twin`."""
     n = len(windows.signal)
     plain, scored, is_found = np.zeros((4, n)), np.zeros((4, n)), np.zeros(n, np.bool_)
+    widths = shape.sigma, shape.filter_sigma
+    reaches = shape.filter_radius, shape.search_radius, AMPLITUDE_REACH, SCORING_REACH, FARTHEST
+    noise = shape.contrast, shape.gain, shape.read_variance
+    rounds = SCORING_ROUNDS if is_scored else 0
     fitting.refine(
-        windows.signal, windows.usable, windows.floor, shape.sigma, shape.filter_sigma, shape.filter_radius,
-        shape.search_radius, shape.contrast, shape.gain, shape.read_variance, is_scored, plain, scored, is_found,
-    )  # fmt: skip
+        windows.signal, windows.usable, windows.floor, widths, reaches, noise, rounds, plain, scored, is_found
+    )
     first = Refined(plain[0], plain[1], plain[2], plain[3], is_found)
     return first, Refined(scored[0], scored[1], scored[2], scored[3], is_found) if is_scored else first
+
+
+def leftovers(windows: Windows, fit: Refined, shape: Shape) -> Leftovers:
+    """As in `twin`."""
+    means, squares = np.zeros((CLASSES, 3)), np.zeros(CLASSES)
+    noise = shape.contrast, shape.gain, shape.read_variance
+    pixels, step = fitting.leftovers(
+        windows.signal, windows.usable, fit.offset, fit.amplitude, fit.is_found, shape.sigma,
+        SCORING_REACH * shape.sigma, noise, LEAST_FREE, means, squares,
+    )  # fmt: skip
+    return Leftovers(means, squares, pixels, step)
+
+
+def noise_terms(means: Floats, squares: Floats, least: float) -> tuple[float, float, float]:
+    """As in `twin`."""
+    found: tuple[float, float, float] = _noise_terms(means, squares, least)
+    return found
 
 
 def _flat(image: Image) -> Image:
@@ -76,10 +142,6 @@ def _flat(image: Image) -> Image:
 
 def _stride(image: Image) -> int:
     return 1 if image.ndim == 2 else int(image.shape[2])
-
-
-def _no_peaks(lines: int, count: int) -> Peaks:
-    return Peaks(np.zeros((lines, count + 1)), np.zeros((lines, count)), np.full((lines, count), np.nan))
 
 
 def _no_windows(count: int, half: int) -> Windows:

@@ -3,11 +3,25 @@
 import numpy as np
 
 from app.vision.kernels.jit import compiled
-from app.vision.kernels.results import CLIPPED_FROM
 
 
 @compiled
-def windows_between(lit, dark, stride, channel, line, column, half, core, albedo_noise, signal, usable, clipped, floor):  # type: ignore[no-untyped-def] # fmt: skip
+def windows_between(
+    lit,
+    dark,
+    stride,
+    channel,
+    line,
+    column,
+    half,
+    core,
+    clipped_from,
+    albedo_noise,
+    signal,
+    usable,
+    clipped,
+    floor,
+):
     """lit, dark: (H, W * stride) uint8, channels interleaved."""
     width = lit.shape[1] // stride
     off = np.zeros(2 * half + 1)
@@ -20,7 +34,7 @@ def windows_between(lit, dark, stride, channel, line, column, half, core, albedo
             index = (left + k) * stride + channel
             off[k] = b[index]
             signal[n, k] = float(a[index]) - off[k]
-            is_clipped = a[index] >= CLIPPED_FROM
+            is_clipped = a[index] >= clipped_from
             usable[n, k] = not is_clipped
             if is_clipped and abs(k - half) <= core:
                 bright += 1
@@ -41,7 +55,22 @@ def windows_between(lit, dark, stride, channel, line, column, half, core, albedo
 
 
 @compiled
-def windows_of(lit, stride, channel, line, column, half, core, foot, signal, usable, clipped, floor, asymmetry):  # type: ignore[no-untyped-def] # fmt: skip
+def windows_of(
+    lit,
+    stride,
+    channel,
+    line,
+    column,
+    half,
+    core,
+    foot,
+    clipped_from,
+    signal,
+    usable,
+    clipped,
+    floor,
+    asymmetry,
+):
     """lit: (H, W * stride) uint8, channels interleaved."""
     width = lit.shape[1] // stride
     for n in range(len(line)):
@@ -51,7 +80,7 @@ def windows_of(lit, stride, channel, line, column, half, core, foot, signal, usa
         before, befores, after, afters, bright = 0.0, 0, 0.0, 0, 0
         for k in range(first, last + 1):
             value = float(a[(left + k) * stride + channel])
-            is_clipped = value >= CLIPPED_FROM
+            is_clipped = value >= clipped_from
             signal[n, k] = value
             usable[n, k] = not is_clipped
             distance = k - half

@@ -10,13 +10,20 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def compiled(function: F) -> F:
     """The function as machine code, without the interpreter's lock, so that threads run beside each other."""
+    return _jit(function, False)
+
+
+def compiled_loosely(function: F) -> F:
+    """The same, with sums taken in any order: that is what vectors need, and moves the last digit only."""
+    return _jit(function, {"reassoc", "contract", "nsz"})
+
+
+def _jit(function: F, fastmath: bool | set[str]) -> F:
+    options = {"nogil": True, "error_model": "numpy", "fastmath": fastmath}
     try:
-        return _jit(function, True)
+        kept: F = numba.njit(cache=True, **options)(function)
     except RuntimeError:
         # No place to keep the machine code: neither beside the source nor in the user's cache directory.
-        return _jit(function, False)
-
-
-def _jit(function: F, is_cached: bool) -> F:
-    jitted: F = numba.njit(cache=is_cached, nogil=True, error_model="numpy")(function)
-    return jitted
+        fresh: F = numba.njit(**options)(function)
+        return fresh
+    return kept

@@ -11,6 +11,15 @@ CLIPPED_FROM = 250
 """A pixel this bright tells only that it was brighter."""
 REACH = 48
 """How far from its summit a peak is followed, px."""
+BLOCK = 64
+TEXTURE_STEP = 4
+"""The picture's texture is looked at in pieces of a line this long, on every so many lines."""
+FARTHEST = 0.9
+"""Scoring that moves a point further than this many sigmas has gone astray."""
+CLASSES = 12
+"""Of brightness, evenly in its root, up to the brightest stripe of the picture."""
+LEAST_FREE = 0.2
+"""A pixel keeps at least this share of its residual's variance when the fit has taken its part."""
 SUMMIT_REACH = 3
 """The brightest pixel lies this near to the one that looks most like laser, px."""
 HIGH, LOW = 0.65, 0.3
@@ -28,12 +37,14 @@ class Peaks(NamedTuple):
         height: (L, C + 1) grey levels; 0 where the line has no such peak. The last one only tells how strong
             a rival the peaks before it have.
         centre: (L, C) middle between the two places where the peak has fallen to half its height.
-        sigma: (L, C) the peak's sigma as its two flanks tell it; NaN where they do not.
+        sigma: (L, C) the peak's sigma as its two flanks tell it; NaN where there is no peak.
+        texture: what noise and pattern reach in a typical piece of a line without any stripe, grey levels.
     """
 
     height: Floats
     centre: Floats
     sigma: Floats
+    texture: float
 
 
 class Windows(NamedTuple):
@@ -77,6 +88,23 @@ class Refined(NamedTuple):
     width: Floats
     variance: Floats
     is_found: NDArray[np.bool_]
+
+
+class Leftovers(NamedTuple):
+    """What a fit leaves over, by classes of brightness.
+
+    Attributes:
+        terms: (CLASSES, 3) mean of m^2, mean of m, and 1, m being the stripe's light in a pixel; zeros for an
+            empty class.
+        squares: (CLASSES,) mean squared residual, what the fit has taken up given back.
+        pixels: how many.
+        sigma_step: by what share of itself the sigma should change.
+    """
+
+    terms: Floats
+    squares: Floats
+    pixels: int
+    sigma_step: float
 
 
 class Shape(NamedTuple):

@@ -1,145 +1,193 @@
-"""Loops that find the strongest peaks of every line."""
+"""Loops that find the strongest peaks of every line.
+
+Pictures are handed on whole, with the number of the line: cutting a line out of an array costs more than
+reading one. Constants come as arguments: machine code on disk does not notice when another file changes.
+"""
 
 import numpy as np
 
 from app.vision.kernels.jit import compiled
-from app.vision.kernels.results import HIGH, LOW, REACH, SUMMIT_REACH
-
-_BLOCK = 64
-_WIDTH_SCALE = 8.0 * np.log(HIGH / LOW)
 
 
 @compiled
-def peaks_between(lit, dark, stride, channel, least, height, centre, sigma):  # type: ignore[no-untyped-def]
-    """Fused over both pictures: the difference of a line never leaves the nearest cache.
+def maxima(lit, dark, stride, channel, block_size):
+    """Largest difference of every whole block of each line, (H, blocks); it is never written down.
 
-    lit, dark: (H, W * stride) uint8, channels interleaved. The other channels are masked rather than skipped,
-    since whole vectors are faster to read than every third byte.
+    The other channels are masked rather than skipped, since whole vectors are faster to read than every third
+    byte. What is left of a line is the business of `last_maxima`: with a second loop in here, or in one
+    function with what follows, the compiler does without vectors.
+
+    lit, dark: (H, W * stride) uint8, channels interleaved.
     """
     lines, length = lit.shape
-    size = _BLOCK * stride
+    size = block_size * stride
+    whole = length // size
     blocks = (length + size - 1) // size
-    response = np.zeros(blocks * size, np.uint8)
     mask = np.zeros(size, np.uint8)
     mask[channel::stride] = 255
-    most = np.zeros(blocks, np.uint8)
+    most = np.zeros((lines, blocks), np.uint8)
     for line in range(lines):
         a, b = lit[line], dark[line]
-        for block in range(blocks):
+        for block in range(whole):
             first = block * size
-            count = min(size, length - first)
-            most[block] = _difference(
-                a[first : first + count], b[first : first + count], mask, response[first : first + count]
-            )
-        _peaks_of_line(response, most, size, a, b, True, stride, channel, length // stride, least,
-                       height[line], centre[line], sigma[line])  # fmt: skip
+            largest = np.uint8(0)
+            for i in range(size):
+                x, y = a[first + i], b[first + i]
+                largest = max(largest, np.uint8((max(x, y) - y) & mask[i]))
+            most[line, block] = largest
+    return most
 
 
 @compiled
-def peaks_of(response, light, least, height, centre, sigma):  # type: ignore[no-untyped-def]
-    """response, light: (H, W) uint8."""
-    lines, length = response.shape
-    blocks = (length + _BLOCK - 1) // _BLOCK
-    left = np.zeros(blocks * _BLOCK, np.uint8)
-    most = np.zeros(blocks, np.uint8)
-    for line in range(lines):
-        left[:length] = response[line]
-        for block in range(blocks):
-            most[block] = _largest(left[block * _BLOCK : (block + 1) * _BLOCK])
-        _peaks_of_line(left, most, _BLOCK, light[line], light[line], False, 1, 0, length, least,
-                       height[line], centre[line], sigma[line])  # fmt: skip
+def last_maxima(lit, dark, stride, channel, block_size, most):
+    """The block that the end of the line cuts."""
+    width = lit.shape[1] // stride
+    block = width // block_size
+    for line in range(len(lit)):
+        largest = np.int64(0)
+        for column in range(block * block_size, width):
+            largest = max(largest, _light(lit, dark, True, line, column * stride + channel))
+        most[line, block] = largest
 
 
 @compiled
-def _difference(a, b, mask, out):  # type: ignore[no-untyped-def]
-    largest = np.uint8(0)
-    for i in range(len(a)):
-        x, y = a[i], b[i]
-        value = np.uint8((max(x, y) - y) & mask[i])
-        out[i] = value
-        largest = max(largest, value)
-    return largest
+def summits(most, step):
+    """How many blocks of every so many lines reach each grey level: (256,)."""
+    counts = np.zeros(256, np.int64)
+    for line in range(0, len(most), step):
+        for block in range(most.shape[1]):
+            counts[most[line, block]] += 1
+    return counts
 
 
 @compiled
-def _largest(values):  # type: ignore[no-untyped-def]
-    largest = np.uint8(0)
-    for i in range(len(values)):
-        largest = max(largest, values[i])
-    return largest
+def peaks(on, off, a, b, is_pair, stride, channel, most, limits, height, centre, sigma):
+    """on - off is the response, a - b the light, (H, W * stride); `most` is used up.
+
+    limits: least height, size of a block, reach of a summit, reach of a flank, the high and the low share.
+    """
+    taken = np.zeros((centre.shape[1], 2), np.int64)
+    width = on.shape[1] // stride
+    for line in range(len(on)):
+        _peaks_of_line(on, off, a, b, is_pair, line, most, taken, stride, channel, width,
+                       limits, height, centre, sigma)  # fmt: skip
 
 
 @compiled
-def _light(a, b, is_pair, index):  # type: ignore[no-untyped-def]
-    x = a[index]
+def _light(a, b, is_pair, line, index):
+    x = np.int64(a[line, index])
     if is_pair:
-        y = b[index]
-        return float(x - y) if x > y else 0.0
-    return float(x)
+        return max(x - np.int64(b[line, index]), 0)
+    return x
 
 
 @compiled
-def _peaks_of_line(left, most, size, a, b, is_pair, stride, channel, width, least, height, centre, sigma):  # type: ignore[no-untyped-def]
-    """Highest peak, take it out, next; `left` (padded) is what has not been taken, `most` its blocks' maxima."""
-    ranks = len(centre)
+def _peaks_of_line(
+    on, off, a, b, is_pair, line, most, taken, stride, channel, width, limits, height, centre, sigma
+):
+    """Highest peak, take it out, next.
+
+    on - off is the response, a - b the light; `most[line]` the maximum of each block of the response.
+    """
+    least, block_size, summit_reach, reach, high_share, low_share = limits
+    width_scale = 8.0 * np.log(high_share / low_share)
+    ranks = len(taken)
+    row, a_row, b_row = most[line], on[line], off[line]
     for rank in range(ranks + 1):
-        best = 0
-        for block in range(len(most)):
-            if most[block] > most[best]:
-                best = block
-        summit = most[best]
+        summit = np.uint8(0)
+        for block in range(len(row)):
+            summit = max(summit, row[block])
         if summit < least:
             break
-        height[rank] = summit
+        height[line, rank] = summit
         if rank == ranks:
             break
-        at = best * size
-        while left[at] != summit:
-            at += 1
-        column = at // stride
-        peak, start = -1.0, column
-        for near in range(column - SUMMIT_REACH, column + SUMMIT_REACH + 1):
+        best = 0
+        while row[best] != summit:
+            best += 1
+        column = best * block_size
+        while _light(on, off, True, line, column * stride + channel) != summit or _is_taken(
+            column, taken, rank
+        ):
+            column += 1
+        peak, start = np.int64(-1), column
+        for near in range(column - summit_reach, column + summit_reach + 1):
             spot = min(max(near, 0), width - 1)
-            value = _light(a, b, is_pair, spot * stride + channel)
+            value = _light(a, b, is_pair, line, spot * stride + channel)
             if value > peak:
                 peak, start = value, spot
-        high_l, half_l, low_l, end_l = _falls(a, b, is_pair, stride, channel, width, start, -1, peak)
-        high_r, half_r, low_r, end_r = _falls(a, b, is_pair, stride, channel, width, start, 1, peak)
-        centre[rank] = start + 0.5 * (half_r - half_l)
+        shares = (high_share, low_share)
+        high_l, half_l, low_l, end_l = _falls(
+            a, b, is_pair, line, stride, channel, width, start, -1, peak, reach, shares
+        )
+        high_r, half_r, low_r, end_r = _falls(
+            a, b, is_pair, line, stride, channel, width, start, 1, peak, reach, shares
+        )
+        centre[line, rank] = start + 0.5 * (half_r - half_l)
         low, high = low_l + low_r, high_l + high_r
-        sigma[rank] = np.sqrt(max(low * low - high * high, 0.0) / _WIDTH_SCALE)
+        sigma[line, rank] = np.sqrt(max(low * low - high * high, 0.0) / width_scale)
         spread = np.ceil(end_l + end_r)
         first = int(max(np.ceil(start - end_l - spread), 0.0))
         last = int(min(np.floor(start + end_r + spread), width - 1.0))
-        for spot in range(first, last + 1):
-            left[spot * stride + channel] = 0
-        for block in range(first * stride // size, last * stride // size + 1):
-            most[block] = _largest(left[block * size : (block + 1) * size])
+        taken[rank, 0], taken[rank, 1] = first, last
+        for block in range(first // block_size, last // block_size + 1):
+            begin, end = block * block_size, min((block + 1) * block_size, width)
+            if rank == 0:
+                before = _largest(a_row, b_row, begin, min(end, first), stride, channel)
+                row[block] = max(before, _largest(a_row, b_row, max(begin, last + 1), end, stride, channel))
+            else:
+                row[block] = _largest_left(on, off, line, begin, end, stride, channel, taken, rank + 1)
 
 
 @compiled
-def _falls(a, b, is_pair, stride, channel, width, start, step, peak):  # type: ignore[no-untyped-def]
-    """How far from the summit the flank first crosses four shares of its height; REACH where never."""
-    levels = (HIGH * peak, 0.5 * peak, LOW * peak, 0.25 * peak)
-    high = half = low = end = float(REACH)
-    upper = peak
+def _largest(a, b, begin, end, stride, channel):
+    largest = np.int64(0)
+    for column in range(begin, end):
+        index = column * stride + channel
+        largest = max(largest, np.int64(a[index]) - np.int64(b[index]))
+    return largest
+
+
+@compiled
+def _largest_left(on, off, line, begin, end, stride, channel, taken, ranks):
+    largest = np.int64(0)
+    for column in range(begin, end):
+        if not _is_taken(column, taken, ranks):
+            largest = max(largest, _light(on, off, True, line, column * stride + channel))
+    return largest
+
+
+@compiled
+def _is_taken(column, taken, ranks):
+    found = False
+    for rank in range(ranks):
+        found |= taken[rank, 0] <= column <= taken[rank, 1]
+    return found
+
+
+@compiled
+def _falls(a, b, is_pair, line, stride, channel, width, start, step, peak, reach, shares):
+    """How far from the summit the flank first crosses four shares of its height; reach where never."""
+    high = half = low = end = float(reach)
+    high_share, low_share = shares
+    upper = float(peak)
     passed = 0
-    for at in range(REACH):
+    for at in range(reach):
         spot = start + step * (at + 1)
         lower = 0.0
         if 0 <= spot < width:
-            lower = _light(a, b, is_pair, spot * stride + channel)
-        if passed == 0 and lower < levels[0]:
-            high = at + (upper - levels[0]) / (upper - lower)
+            lower = float(_light(a, b, is_pair, line, spot * stride + channel))
+        if passed == 0 and lower < high_share * peak:
+            high = at + (upper - high_share * peak) / (upper - lower)
             passed = 1
-        if passed == 1 and lower < levels[1]:
-            half = at + (upper - levels[1]) / (upper - lower)
+        if passed == 1 and lower < 0.5 * peak:
+            half = at + (upper - 0.5 * peak) / (upper - lower)
             passed = 2
-        if passed == 2 and lower < levels[2]:
-            low = at + (upper - levels[2]) / (upper - lower)
+        if passed == 2 and lower < low_share * peak:
+            low = at + (upper - low_share * peak) / (upper - lower)
             passed = 3
-        if passed == 3 and lower < levels[3]:
-            end = at + (upper - levels[3]) / (upper - lower)
+        if passed == 3 and lower < 0.25 * peak:
+            end = at + (upper - 0.25 * peak) / (upper - lower)
             break
         upper = lower
     return high, half, low, end

@@ -10,19 +10,36 @@ from numpy.typing import NDArray
 from app.geometry.arrays import Floats
 from app.vision.kernels.results import (
     AMPLITUDE_REACH,
+    BLOCK,
+    CLASSES,
     CLIPPED_FROM,
+    FARTHEST,
     HIGH,
+    LEAST_FREE,
     LOW,
     REACH,
     SCORING_REACH,
     SCORING_ROUNDS,
     SUMMIT_REACH,
+    TEXTURE_STEP,
+    Leftovers,
     Peaks,
     Refined,
     Shape,
     Windows,
 )
+from app.vision.kernels.terms import noise_terms
 from app.vision.stripe import Image
+
+__all__ = [
+    "cut_windows",
+    "cut_windows_between",
+    "find_peaks",
+    "find_peaks_between",
+    "leftovers",
+    "noise_terms",
+    "refine",
+]
 
 
 def difference(lit: Image, dark: Image, channel: int) -> Image:
@@ -83,7 +100,14 @@ def find_peaks(response: Image, light: Image, least: int, count: int) -> Peaks:
             columns <= (column + ends[1] + spread)[:, None]
         )
         left[which] = np.where(taken, 0, left[which])
-    return Peaks(height, centre, sigma)
+    return Peaks(height, centre, sigma, _texture(response))
+
+
+def _texture(response: Image) -> float:
+    sample = response[::TEXTURE_STEP]
+    padded = np.pad(sample, ((0, 0), (0, -sample.shape[1] % BLOCK)))
+    summits = np.sort(padded.reshape(-1, BLOCK).max(axis=1))
+    return float(summits[(len(summits) + 1) // 2 - 1])
 
 
 def _fall(flank: Floats, level: Floats) -> Floats:
@@ -230,8 +254,8 @@ def refine(windows: Windows, shape: Shape, is_scored: bool) -> tuple[Refined, Re
     energy = (g * g).sum(axis=1)
     amplitude = (g * signal).sum(axis=1) / np.where(energy > 0.0, energy, 1.0)
     is_found &= amplitude > 0.0
-    variance = _crossing_variance(x, amplitude, floor, shape, taps, kernel)
-    width = _width(signal, x, shape, offsets)
+    variance = _crossing_variance(amplitude, floor, shape)
+    width = _width(signal, x, shape)
     plain = _only_found(x, amplitude, width, variance, is_found)
     if not is_scored:
         return plain, plain
@@ -244,7 +268,13 @@ def refine(windows: Windows, shape: Shape, is_scored: bool) -> tuple[Refined, Re
 def _only_found(
     x: Floats, amplitude: Floats, width: Floats, variance: Floats, is_found: NDArray[np.bool_]
 ) -> Refined:
-    return Refined(*(np.where(is_found, values, 0.0) for values in (x, amplitude, width, variance)), is_found)
+    return Refined(
+        np.where(is_found, x, 0.0),
+        np.where(is_found, amplitude, 0.0),
+        np.where(is_found, width, 0.0),
+        np.where(is_found, variance, 0.0),
+        is_found,
+    )
 
 
 def _bell(distance: Floats, sigma: float) -> Floats:
@@ -252,27 +282,32 @@ def _bell(distance: Floats, sigma: float) -> Floats:
     return bell
 
 
-def _crossing_variance(
-    x: Floats, amplitude: Floats, floor: Floats, shape: Shape, taps: Floats, kernel: Floats
-) -> Floats:
-    """Noise through the kernel over the slope of the response, squared."""
-    distance = taps + (np.rint(x) - x)[:, None]
-    m = amplitude[:, None] * _bell(distance, shape.sigma)
-    noise = shape.contrast**2 * m * m + np.maximum(m, 0.0) / shape.gain + floor[:, None]
-    slope = (m * distance) @ kernel / shape.sigma**2
-    variance: Floats = (noise @ (kernel * kernel)) / np.maximum(slope * slope, 1e-12)
+def _crossing_variance(amplitude: Floats, floor: Floats, shape: Shape) -> Floats:
+    """Noise through the kernel over the slope of the response, squared; the sums over pixels as integrals."""
+    s2, f2 = shape.sigma**2, shape.filter_sigma**2
+    root = np.sqrt(2.0 * np.pi)
+    speckle = (shape.contrast * amplitude) ** 2 * (2.0 / f2 + 2.0 / s2) ** -1.5
+    shot = amplitude / shape.gain * (2.0 / f2 + 1.0 / s2) ** -1.5
+    still = floor * (2.0 / f2) ** -1.5
+    slope = amplitude * root * (1.0 / f2 + 1.0 / s2) ** -1.5 / s2
+    variance: Floats = root * (speckle + shot + still) / np.where(amplitude > 0.0, slope * slope, 1.0)
     return variance
 
 
-def _width(signal: Floats, x: Floats, shape: Shape, offsets: Floats) -> Floats:
+def _width(signal: Floats, x: Floats, shape: Shape) -> Floats:
     """Sigma from the second moment under a bell of known sigma, which keeps far noise out."""
-    distance = offsets - x[:, None]
-    under = signal * _bell(distance, shape.filter_sigma)
+    taps = np.arange(-shape.filter_radius, shape.filter_radius + 1, dtype=np.float64)
+    start = signal.shape[1] // 2 + np.rint(x).astype(np.intp)
+    under = np.take_along_axis(signal, start[:, None] + taps.astype(np.intp), axis=1) * _bell(
+        taps, shape.filter_sigma
+    )
     mass = under.sum(axis=1)
-    moment = (under * distance**2).sum(axis=1) / np.where(mass > 0.0, mass, 1.0)
+    safe = np.where(mass > 0.0, mass, 1.0)
+    mean = under @ taps / safe
+    spread = under @ (taps * taps) / safe - mean * mean
     bell = shape.filter_sigma**2
-    # Two bells multiplied: 1 / moment = 1 / bell + 1 / sigma^2; a moment near the bell's own tells nothing.
-    share = np.clip(moment / bell, 0.01, 0.95)
+    # Two bells multiplied: 1 / spread = 1 / bell + 1 / sigma^2; a spread near the bell's own tells nothing.
+    share = np.clip(spread / bell, 0.01, 0.95)
     return np.where(mass > 0.0, np.sqrt(bell * share / (1.0 - share)), 0.0)
 
 
@@ -310,5 +345,40 @@ def _score(
         da = np.where(sound, (xx * ba - xa * bx) / safe, 0.0)
         x = x + np.clip(dx, -0.5 * shape.sigma, 0.5 * shape.sigma)
         a = np.clip(a + da, 0.5 * a, 2.0 * a)
-    fits = (information > 0.0) & (np.abs(x - start) <= shape.sigma)
+    fits = (information > 0.0) & (np.abs(x - start) <= FARTHEST * shape.sigma)
     return x, a, 1.0 / np.where(information > 0.0, information, 1.0), fits
+
+
+def leftovers(windows: Windows, fit: Refined, shape: Shape) -> Leftovers:
+    """What a scored fit leaves over in its windows."""
+    half = windows.signal.shape[1] // 2
+    distance = np.arange(-half, half + 1) - fit.offset[:, None]
+    inside = windows.usable & fit.is_found[:, None] & (np.abs(distance) <= SCORING_REACH * shape.sigma)
+    if not inside.any():
+        return Leftovers(np.zeros((CLASSES, 3)), np.zeros(CLASSES), 0, 0.0)
+    bell = _bell(distance, shape.sigma)
+    model = fit.amplitude[:, None] * bell
+    residual = windows.signal - model
+    variance = shape.contrast**2 * model * model + model / shape.gain + shape.read_variance
+    weight = np.where(inside, 1.0 / variance, 0.0)
+    by_height, by_place = weight * bell * bell, weight * (bell * distance) ** 2
+    heights = by_height.sum(axis=1, keepdims=True)
+    taken = by_height / np.maximum(heights, 1e-12)
+    taken += by_place / np.maximum(by_place.sum(axis=1, keepdims=True), 1e-12)
+
+    level = model[inside]
+    square = residual[inside] ** 2 / np.maximum(1.0 - taken[inside], LEAST_FREE)
+    top = float(fit.amplitude.max())
+    number = np.minimum((CLASSES * np.sqrt(level / top)).astype(np.intp), CLASSES - 1)
+    count = np.bincount(number, minlength=CLASSES)
+    many = np.maximum(count, 1)
+    terms = [np.bincount(number, values, CLASSES) / many for values in (level * level, level)]
+    squares = np.bincount(number, square, CLASSES) / many
+
+    # One Gauss-Newton step of the common sigma, free of what a change of height does.
+    by_sigma = model * distance * distance
+    share = (weight * by_sigma * bell).sum(axis=1, keepdims=True) / np.maximum(heights, 1e-12)
+    own = by_sigma - share * bell
+    step = float((weight * residual * own).sum() / max(float((weight * own * own).sum()), 1e-12))
+    terms.append((count > 0).astype(np.float64))
+    return Leftovers(np.column_stack(terms), squares, int(inside.sum()), step * shape.sigma**2)
