@@ -55,6 +55,7 @@ class AngleReader:
         layout: where the markers lie; empty where there are none.
         nominal: where the nominal angles are from.
         offset_rad: how far the first stops are off, where they show no markers.
+        direction: 1 where recorded angles grow counter-clockwise, -1 where clockwise.
     """
 
     def __init__(
@@ -63,9 +64,10 @@ class AngleReader:
         layout: MarkerLayout,
         nominal: NominalAngles = "commanded angle",
         offset_rad: float = 0.0,
+        direction: float = 1.0,
     ) -> None:
         self.rig, self.layout, self.nominal = rig, layout, nominal
-        self.offset_rad = offset_rad
+        self.offset_rad, self.direction = offset_rad, direction
         self._stops: list[int] = []
         self._offsets: list[float] = []
         self._fits_px: list[float] = []
@@ -88,7 +90,7 @@ class AngleReader:
         if not self._stops:
             return AngleSummary(self.nominal, self._count, 0, float("nan"), 0.0, 0.0, "")
         off_deg: Floats = np.degrees(np.unwrap(np.array(self._offsets)))
-        off_deg = off_deg - np.median(off_deg)
+        off_deg = self.direction * (off_deg - np.median(off_deg))
         sentence = _described(np.array(self._stops), off_deg, self._count, self.nominal)
         return AngleSummary(
             "markers", self._count, len(self._stops), float(np.median(self._fits_px)),

@@ -72,9 +72,10 @@ def reconstruct_recording(
         if layout is None:
             layout, tables, warnings = _solved_layout(rig, views, turns)
         offset = _first_offset(rig, layout, views, turns)
-    nominal = _nominal(recording, stops)
+    direction = 1.0 if recording.turn_rad(1.0) > 0.0 else -1.0
+    angles = AngleReader(rig, layout or {}, _nominal(recording, stops), offset, direction)
     return Reconstruction(
-        stops, loader.load, observer, AngleReader(rig, layout or {}, nominal, offset), _region(rig, options),
+        stops, loader.load, observer, angles, _region(rig, options),
         options, total=len(stops), tables=tuple(tables), warnings=tuple(warnings),
     )  # fmt: skip
 

@@ -17,6 +17,9 @@ _CELLS_NEEDED = 12
 _BAND_SIGMAS = 4.0
 _NARROWEST_BAND_MM = 0.5
 _SLOPED_MOST = 0.2
+# An object's rounded underside is not as flat as a table.
+_FLAT_MM = 1.0
+_SHARE_ON_TABLE = 0.4
 _MOVED_MM = 1.0
 _TILTED_DEG = 0.5
 
@@ -91,6 +94,9 @@ def check_by_points(points: NDArray[np.float32]) -> TableCheck | None:
         if np.count_nonzero(chosen) < _CELLS_NEEDED * _CELL_POINTS:
             return None
         fit = fit_plane(near[chosen])
+    cells_on = np.abs(fit.plane.signed_distance(np.array(low))) < _FLAT_MM
+    if fit.rms_mm > _FLAT_MM or np.mean(cells_on) < _SHARE_ON_TABLE:
+        return None
     return _checked("points", fit)
 
 
