@@ -16,7 +16,8 @@ _CRITERIA = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-3)
 _SPOILT_SIGMAS, _SPOILT_PX = 6.0, 0.5
 """A corner is spoilt when it lies this many sigmas AND this many pixels off the smooth pattern."""
 _LEAST_SHARE = 0.6
-_MAD_TO_SIGMA = 1.4826
+_BEND_ERROR = 0.15
+"""Share of the pattern's bend that a cubic may miss: at the rim of a wide lens's picture it misses some."""
 
 
 def grey_of(image: Image) -> Image:
@@ -68,7 +69,7 @@ def refine_corners(grey: Image, corners: Pixels, sizes: Floats) -> Pixels:
 def misfit(corners: Pixels, board: Floats) -> Floats:
     """How far (N, 2) corners lie off the smooth pattern they should form: (N,) px.
 
-    The pattern is a homography of the board points (N, 2) plus, where there are corners enough, a quadratic
+    The pattern is a homography of the board points (N, 2) plus, where there are corners enough, a cubic
     displacement that stands for lens distortion and a bent board; both fitted robustly.
     """
     if len(corners) < 5:
@@ -82,7 +83,9 @@ def misfit(corners: Pixels, board: Floats) -> Floats:
         terms = np.column_stack(
             [np.ones_like(x), x, y, x * x, x * y, y * y, x**3, y**3, x * x * y, x * y * y]
         )
-        off = off - terms @ _robust_solution(terms, off)
+        bend = terms @ _robust_solution(terms, off)
+        unexplained = np.linalg.norm(off - bend, axis=1) - _BEND_ERROR * np.linalg.norm(bend, axis=1)
+        return np.asarray(np.maximum(unexplained, 0.0), np.float64)
     return np.asarray(np.linalg.norm(off, axis=1), np.float64)
 
 
@@ -107,6 +110,7 @@ def best_corners(candidates: Sequence[Pixels], board: Floats) -> tuple[Pixels, N
 
 
 def _is_believed(off: Floats) -> NDArray[np.bool_]:
+    # The median length of a two-dimensional error is 1.18 of its sigma.
     sigma = float(np.median(off)) / 1.18
     limit = max(_SPOILT_SIGMAS * sigma, _SPOILT_PX)
     believed = off <= limit
@@ -116,13 +120,13 @@ def _is_believed(off: Floats) -> NDArray[np.bool_]:
 
 
 def _robust_solution(terms: Floats, values: Floats) -> Floats:
-    """Least squares (K, 2) in which far-off rows lose their say (Tukey's weights)."""
+    """Least squares (K, 2) in which far-off rows have less say (Huber's weights)."""
     weights = np.ones(len(values))
     solution: Floats = np.zeros((terms.shape[1], values.shape[1]))
     for _ in range(6):
         root = np.sqrt(weights)[:, None]
         solution = np.asarray(np.linalg.lstsq(root * terms, root * values, rcond=None)[0], np.float64)
         off = np.linalg.norm(values - terms @ solution, axis=1)
-        scale = max(4.0 * _MAD_TO_SIGMA * float(np.median(off)), 1e-6)
-        weights = np.where(off < scale, (1.0 - (off / scale) ** 2) ** 2, 1e-6)
+        scale = max(2.0 * float(np.median(off)), 1e-6)
+        weights = scale / np.maximum(off, scale)
     return solution
