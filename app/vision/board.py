@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from app.errors import OptionError
 from app.geometry.arrays import Pixels, Points
 from app.registry import Registry
+from app.vision.markers import aruco_dictionary
 from app.vision.stripe import Image
 
 BoardKind = Literal["chessboard", "charuco", "circles", "asymmetric_circles"]
@@ -111,8 +112,6 @@ class BoardSpec:
             self._check_charuco()
 
     def _check_charuco(self) -> None:
-        from app.vision.markers import aruco_dictionary
-
         if not 0.0 < self.marker_mm < self.spacing_mm:
             raise OptionError(
                 f"Markers of {self.marker_mm:g} mm do not fit into squares of {self.spacing_mm:g} mm.",
