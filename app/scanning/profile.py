@@ -71,3 +71,11 @@ def triangulated(
     per_pixel = np.sqrt(np.sum((ahead - back) ** 2, axis=1))
     sigma: NDArray[np.float32] = (np.sqrt(stripe.variance) * per_pixel).astype(np.float32)
     return stripe, points, sigma
+
+
+def without_scraps(stripe: LaserStripe, shortest: int) -> LaserStripe:
+    """The pieces of a stripe that have at least so many points."""
+    if not len(stripe):
+        return stripe
+    _, piece, length = np.unique(stripe.segment, return_inverse=True, return_counts=True)
+    return stripe.select(length[piece] >= shortest)

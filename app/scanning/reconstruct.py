@@ -17,7 +17,7 @@ from app.scanning.colour import colours_at_angle, colours_here, colours_of_stren
 from app.scanning.normals import normals_of
 from app.scanning.observe import Observer, Sighting
 from app.scanning.pipeline import ordered_map
-from app.scanning.profile import Profile, Slice, triangulated
+from app.scanning.profile import Profile, Slice, triangulated, without_scraps
 from app.scanning.quality import quality_of
 from app.scanning.region import Region
 from app.scanning.report import ReconstructionReport, SkippedFrame
@@ -43,6 +43,7 @@ class ReconstructionOptions:
         region: what is kept; None for half the camera's distance about the axis, from just below the table.
         above_mm: height above the table below which nothing is kept, instead of the region's.
         min_quality: points of lower quality are left out.
+        shortest_piece: unbroken pieces of stripe with fewer points than this are taken for noise.
         with_colour: colour pictures are decoded and used.
         uses_markers: markers on the table tell the angle, where there are any.
         skips_bad_frames: a stop with an unreadable frame is left out and reported instead of ending the run.
@@ -53,6 +54,7 @@ class ReconstructionOptions:
     region: Region | None = None
     above_mm: float | None = None
     min_quality: float = 0.0
+    shortest_piece: int = 5
     with_colour: bool = True
     uses_markers: bool = True
     skips_bad_frames: bool = False
@@ -168,6 +170,7 @@ class Reconstruction(Generic[T]):
 
     def _sliced(self, sighting: Sighting, laser: str, stripe: LaserStripe, angle: float) -> Slice:
         orientation = self._observer.orientations[laser]
+        stripe = without_scraps(stripe, self._options.shortest_piece)
         stripe, points, sigma = triangulated(self._triangulator, laser, angle, stripe, orientation)
         texture = sighting.texture
         if texture is None:
