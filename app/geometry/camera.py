@@ -83,27 +83,41 @@ class RayTable:
     """
 
     rays: NDArray[np.float32]
-    _flat: NDArray[np.float32] = field(repr=False)
+    # x + iy of every pixel, so that a corner is one number to fetch.
+    _flat: NDArray[np.complex64] = field(repr=False)
 
     @classmethod
     def of(cls, camera: CameraIntrinsics) -> "RayTable":
         width, height = camera.size
         u, v = np.meshgrid(np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64))
         rays = camera.rays(np.column_stack([u.ravel(), v.ravel()]))[:, :2].astype(np.float32)
-        return cls(rays.reshape(height, width, 2), rays)
+        return cls(rays.reshape(height, width, 2), rays.view(np.complex64).ravel())
 
     def at(self, pixels: Pixels) -> NDArray[np.float32]:
         """x and y (N, 2) of the rays through sub-pixel positions (N, 2) inside the picture."""
         height, width = self.rays.shape[:2]
         u, v = pixels[:, 0], pixels[:, 1]
-        u0 = np.clip(u.astype(np.intp), 0, width - 2)
-        v0 = np.clip(v.astype(np.intp), 0, height - 2)
+        u0 = np.minimum(np.maximum(u.astype(np.intp), 0), width - 2)
+        v0 = np.minimum(np.maximum(v.astype(np.intp), 0), height - 2)
+        du, dv = (u - u0).astype(np.float32), (v - v0).astype(np.float32)
         first = v0 * width + u0
-        du = (u - u0).astype(np.float32)[:, None]
-        dv = (v - v0).astype(np.float32)[:, None]
-        upper: NDArray[np.float32] = self._flat[first] * (1 - du) + self._flat[first + 1] * du
+        # A stripe's points lie on whole rows, or on whole columns: then two corners will do.
         if not dv.any():
-            return upper
-        lower: NDArray[np.float32] = self._flat[first + width] * (1 - du) + self._flat[first + width + 1] * du
-        between: NDArray[np.float32] = upper * (1 - dv) + lower * dv
+            between = self._between(first, first + 1, du)
+        elif not du.any():
+            between = self._between(first, first + width, dv)
+        else:
+            upper = self._between(first, first + 1, du)
+            first += width
+            between = upper + (self._between(first, first + 1, du) - upper) * dv
+        return between.view(np.float32).reshape(-1, 2)
+
+    def _between(
+        self, first: NDArray[np.intp], second: NDArray[np.intp], share: NDArray[np.float32]
+    ) -> NDArray[np.complex64]:
+        start = self._flat.take(first)
+        between = self._flat.take(second)
+        between -= start
+        between *= share
+        between += start
         return between

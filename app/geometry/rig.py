@@ -1,7 +1,8 @@
 """A calibrated scanner, and the one step that the scan repeats a million times."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,7 @@ from app.geometry.arrays import Floats, Pixels, Points
 from app.geometry.axis import TurntableAxis
 from app.geometry.camera import CameraIntrinsics, RayTable
 from app.geometry.plane import LaserPlane
+from app.geometry.transform import RigidTransform
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,10 +55,11 @@ class Triangulator:
 
     table: RayTable
     rig: Rig
+    _table_from_camera: RigidTransform = field(repr=False)
 
     @classmethod
     def of(cls, rig: Rig) -> "Triangulator":
-        return cls(RayTable.of(rig.camera), rig)
+        return cls(RayTable.of(rig.camera), rig, rig.axis.table_from_camera(0.0))
 
     def points(self, pixels: Pixels, laser: str, angle_rad: float) -> NDArray[np.float32]:
         """As `Rig.triangulate`, (N, 3) float32 mm in the table frame.
@@ -64,12 +67,15 @@ class Triangulator:
         The ray meets the plane and is turned back in one 3x3: X = (M ray) * s + t with s from the plane.
         """
         plane = self.rig.lasers[laser]
-        motion = self.rig.axis.table_from_camera(angle_rad)
-        xy = self.table.at(pixels)
-        # One small matrix: rows 0..2 the turned ray, row 3 the ray's share along the plane's normal.
-        both = np.vstack([motion.rotation, plane.normal / plane.distance_mm]).astype(np.float32)
-        turned = xy @ both[:, :2].T + both[:, 2]
-        along = turned[:, 3:]
+        still = self._table_from_camera
+        cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
+        back = np.array([[cosine, sine, 0.0], [-sine, cosine, 0.0], [0.0, 0.0, 1.0]])
+        # The turned ray, and last the ray's share along the plane's normal.
+        turn = np.vstack([back @ still.rotation, plane.normal / plane.distance_mm]).astype(np.float32)
+        met = turn[:, :2] @ self.table.at(pixels).T
+        met += turn[:, 2:]
+        along, points = met[3], met[:3]
         along[along <= 0.0] = np.nan
-        points: NDArray[np.float32] = turned[:, :3] / along + motion.translation.astype(np.float32)
-        return points
+        points /= along
+        points += (back @ still.translation).astype(np.float32)[:, None]
+        return np.ascontiguousarray(points.T)
