@@ -4,7 +4,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import TypeVar, get_args
 
 import numpy as np
 
@@ -14,13 +14,16 @@ from app.recording.reader import Recording
 from app.recording.shot import Role, Shot
 from app.vision.board import BoardObservation, BoardSpec, detect_board
 from app.vision.markers import MarkerObservation, PlatterSpec, detect_markers
-from app.vision.stripe import LaserStripe, LaserView, StripeDetector
+from app.vision.stripe import LaserStripe, LaserView, Orientation, StripeDetector
 
 T = TypeVar("T")
 
 _WORKERS = 2
 # Markers repeat themselves from stop to stop; more views of them add time and no knowledge.
 _MOST_MARKER_VIEWS = 200
+# Neighbours on a true stripe are this near; one over this share of the picture's lines is sure.
+_SMOOTH_PX = 2.0
+_CLEAR_SHARE = 0.6
 _NO_BOARD = BoardObservation(np.zeros(0, np.intp), np.zeros((0, 2)), np.zeros((0, 3)))
 _NO_MARKERS = MarkerObservation(np.zeros(0, np.intp), np.zeros((0, 4, 2)))
 _ON_TABLE = (Role.AXIS, Role.SCAN, Role.TEXTURE, Role.BACKGROUND)
@@ -196,17 +199,23 @@ def _look_at(situation: _Situation, detector: StripeDetector) -> tuple[View | No
     if not board.is_found and len(markers.ids) == 0:
         return None, problems
     stripes: dict[str, LaserStripe] = {}
+    orientation: Orientation = "vertical"
     for shot in lit:
-        if len(shot.lasers_on) == 1:
-            name = shot.lasers_on[0]
-            stripe = detector.detect(
-                LaserView(shot.image, None if dark is None else dark.image, recording.lasers[name])
-            )
+        colour = recording.lasers[shot.lasers_on[0]]
+        looks = [
+            LaserView(shot.image, None if dark is None else dark.image, colour, way)
+            for way in get_args(Orientation)
+        ]
+        found, orientation = _best_stripes(looks, len(shot.lasers_on), detector)
+        for name, stripe in zip(shot.lasers_on, found, strict=False):
             if len(stripe):
                 stripes[name] = stripe
             else:
                 problems.append((shot.name, f"laser {name} was not seen"))
-    view = View(shots[0].name, role, situation.placement, situation.angle_rad, board, markers, stripes)
+    across = 0 if orientation == "vertical" else 1
+    view = View(
+        shots[0].name, role, situation.placement, situation.angle_rad, board, markers, stripes, across
+    )
     return view, problems
 
 
@@ -216,3 +225,23 @@ def _first_board(shots: Sequence[Shot], spec: BoardSpec) -> BoardObservation:
         if found.is_found:
             return found
     return _NO_BOARD
+
+
+def _best_stripes(
+    looks: Sequence[LaserView], count: int, detector: StripeDetector
+) -> tuple[list[LaserStripe], Orientation]:
+    """The stripes of one picture and the way they run: the way in which they hang together over more lines.
+
+    Several lasers in one picture are taken to be listed as they lie on the board, from left to right.
+    """
+    best: tuple[list[LaserStripe], Orientation] = ([], "vertical")
+    most = -1
+    for look in looks:
+        stripes = [detector.detect(look)] if count == 1 else detector.detect_several(look, count)
+        across = 0 if look.orientation == "vertical" else 1
+        joined = sum(int(np.sum(np.abs(np.diff(s.pixels[:, across])) < _SMOOTH_PX)) for s in stripes)
+        if joined > most:
+            best, most = (stripes, look.orientation), joined
+        if joined > _CLEAR_SHARE * look.lit.shape[across]:
+            break
+    return best

@@ -7,11 +7,10 @@ from typing import Annotated
 import typer
 
 from app.calibration.calibrate import CalibrationPlan, calibrate
-from app.calibration.record import CalibrationRecord
+from app.calibration.camera_file import load_camera
 from app.calibration.report import report_lines, write_report
 from app.cli.console import progress_bar, say, warn
 from app.errors import OptionError
-from app.geometry.camera import CameraIntrinsics
 from app.recording.reader import Recording
 from app.vision.stripe import STRIPE_DETECTORS
 
@@ -38,7 +37,8 @@ def calibrate_command(
     ] = _Method.JOINT,
     axis: Annotated[_Axis, typer.Option(help="How the paper's method finds the axis.")] = _Axis.AUTO,
     intrinsics: Annotated[
-        Path | None, typer.Option(help="A calibration file whose camera is taken as it is.")
+        Path | None,
+        typer.Option(help="A calibration file, or OpenCV's YAML or XML, whose camera is taken as it is."),
     ] = None,
     detector: Annotated[
         str, typer.Option(help="Stripe detector; by default zero-crossing, or threshold for the paper.")
@@ -59,7 +59,7 @@ def calibrate_command(
         )
     name = detector or ("threshold" if method is _Method.PAPER else "zero-crossing")
     plan = CalibrationPlan(
-        method.value, axis.value, None if intrinsics is None else _camera(intrinsics), not no_distortion
+        method.value, axis.value, None if intrinsics is None else load_camera(intrinsics), not no_distortion
     )
     finder = STRIPE_DETECTORS.make(name)
     opened = [Recording.open(path) for path in recordings]
@@ -73,7 +73,3 @@ def calibrate_command(
     warn(outcome.doubts, is_doubt=True)
     say([f"Calibration in {output}, report in {written}."])
     return _DOUBTFUL if outcome.doubts else 0
-
-
-def _camera(path: Path) -> CameraIntrinsics:
-    return CalibrationRecord.load(path).camera

@@ -16,6 +16,7 @@ from rich.progress import (
 
 console = Console(stderr=True, highlight=False)
 
+
 class ShowProgress(Protocol):
     """Told the stage, how much of it is done, where known of how much, and what else changes."""
 
