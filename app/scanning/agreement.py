@@ -48,8 +48,9 @@ def agreement(
 ) -> LaserAgreement | None:
     """Compare two clouds; None where they hardly overlap.
 
-    The surface of the first around a point of the second: mean place and mean normal of its eight nearest
-    neighbours, where these face the same way and surround the point.
+    The surface of the first around a point of the second: its eight nearest neighbours, where these face the
+    same way and surround the point. Seen along their mean normal n they lie below a bulging surface, their
+    own tangent planes n_i above it by as much; along (n + n_i) / 2 the bulge cancels.
 
     Args:
         names: of the two lasers.
@@ -66,15 +67,19 @@ def agreement(
     place, normal = patch[:, :, :3].mean(axis=1), patch[:, :, 3:].mean(axis=1)
     straight = np.linalg.norm(normal, axis=1)
     gap = b[:, :3] - place
-    along = np.sum(gap * normal, axis=1) / np.maximum(straight, 1e-9)
-    sideways = np.sqrt(np.maximum(np.sum(gap**2, axis=1) - along**2, 0.0))
+    mean_normal = normal / np.maximum(straight, 1e-9)[:, None]
+    level = np.sum(gap * mean_normal, axis=1)
+    sideways = np.sqrt(np.maximum(np.sum(gap**2, axis=1) - level**2, 0.0))
+    between = (mean_normal[:, None] + patch[:, :, 3:]) / 2.0
+    along = np.sum((b[:, None, :3] - patch[:, :, :3]) * between, axis=2).mean(axis=1)
     facing = np.sum(b[:, 3:] * normal, axis=1)
     keep = (straight > _SAME_FACING) & (facing > _SAME_FACING) & (sideways < 0.5 * reach)
     if np.count_nonzero(keep) < _FEWEST:
         return None
-    along, normal = along[keep], normal[keep] / straight[keep, None]
+    along = along[keep]
     rms = _MAD_TO_SIGMA * float(np.median(np.abs(along)))
-    return LaserAgreement(*names, len(along), float(np.median(along)), _shift(normal, along), rms)
+    shift = _shift(mean_normal[keep], along)
+    return LaserAgreement(*names, len(along), float(np.median(along)), shift, rms)
 
 
 def _shift(normal: Floats, along: Floats) -> Vector3:

@@ -24,6 +24,7 @@ class Sighting:
         names: files of its frames.
         turn_rad: nominal angle.
         stripes: every stripe with its laser.
+        found: how many points each of them had before the background was taken out.
         markers: corners of the markers on the table.
         texture: colour picture of this stop or the nearest.
     """
@@ -32,6 +33,7 @@ class Sighting:
     names: tuple[str, ...]
     turn_rad: float
     stripes: tuple[tuple[str, LaserStripe], ...]
+    found: tuple[int, ...]
     markers: SeenMarkers
     texture: Texture[Shot] | None
 
@@ -63,12 +65,13 @@ class Observer:
             ReconstructionError: a lit laser is not calibrated, or a picture has another size.
         """
         names = tuple(frame.name for frame in stop.frames)
+        seen = [pair for view in stop.views for pair in self.stripes(view)]
         stripes = tuple(
             (laser, self.background.without(laser, stripe, self.orientations[laser]))
-            for view in stop.views
-            for laser, stripe in self.stripes(view)
+            for laser, stripe in seen
         )
-        return Sighting(stop.number, names, stop.turn_rad, stripes, self._markers(stop), stop.texture)
+        found = tuple(len(stripe) for _, stripe in seen)
+        return Sighting(stop.number, names, stop.turn_rad, stripes, found, self._markers(stop), stop.texture)
 
     def stripes(self, view: LitView[Shot]) -> list[tuple[str, LaserStripe]]:
         """The stripe of every laser that is lit in a view."""

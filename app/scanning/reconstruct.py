@@ -116,9 +116,9 @@ class Reconstruction(Generic[T]):
                 self._skipped.append(sighting)
                 continue
             angle = self._angles.read(sighting.turn_rad, sighting.markers)
-            for laser, stripe in sighting.stripes:
-                self._longest[laser] = max(self._longest.get(laser, 0), len(stripe))
-                if not len(stripe):
+            for (laser, stripe), found in zip(sighting.stripes, sighting.found, strict=True):
+                self._longest[laser] = max(self._longest.get(laser, 0), found)
+                if not found:
                     self._skipped.append(
                         SkippedFrame(_first(sighting.names), f"shows no stripe of laser {laser!r}")
                     )

@@ -17,21 +17,23 @@ class Sample:
         self._rows = np.empty((limit, columns), np.float32)
         self._count = 0
         self._stride = 1
-        self._phase = 0
+        self._seen = 0
 
     def add(self, rows: NDArray[np.float32]) -> None:
         """Rows (N, columns)."""
-        chosen = rows[self._phase :: self._stride]
-        self._phase = (self._phase - len(rows)) % self._stride
+        chosen = self._chosen(rows)
         while self._count + len(chosen) > self.limit:
             kept = self._rows[: self._count : 2].copy()
             self._rows[: len(kept)] = kept
-            chosen = chosen[self._count % 2 :: 2]
             self._count = len(kept)
             self._stride *= 2
-            self._phase = 0
+            chosen = self._chosen(rows)
         self._rows[self._count : self._count + len(chosen)] = chosen
         self._count += len(chosen)
+        self._seen += len(rows)
+
+    def _chosen(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
+        return rows[-self._seen % self._stride :: self._stride]
 
     @property
     def rows(self) -> NDArray[np.float32]:
