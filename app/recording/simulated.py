@@ -51,6 +51,7 @@ def simulate_recording(
         OutputError: the folder holds something, or the disk is full; nothing is left behind.
         OptionError: the plan cannot be carried out, such as a board that does not fit the picture.
     """
+    plan = plan.as_set_up()
     stops = list(_stops(plan))
     total = sum(len(stop.takes) for stop in stops)
     writer = RecordingWriter.create(out, _header(plan, any(stop.has_board for stop in stops)))

@@ -1,6 +1,6 @@
 """What a simulated recording is to show."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -52,9 +52,9 @@ class Views:
         placements: of the board on the table, beside the axis.
         angles_deg: where the table stops for each placement.
         axis_line: placements of the board through the axis, with the first laser along it (the paper's
-            method); that laser is then taken to shine exactly through the axis.
-        hand_mm: standard deviation with which the board is placed through the axis.
-        hand_deg: the same for its tilt.
+            method); that laser is then turned to shine through the axis.
+        hand_mm: standard deviation with which board and laser are placed through the axis.
+        hand_deg: the same for their tilt.
     """
 
     intrinsics: int = 20
@@ -133,6 +133,16 @@ class SimulationPlan:
             raise OptionError(f"A JPEG cannot have the quality {self.quality}.", "Give 1 to 100.")
         if not self.parts:
             raise OptionError("A recording needs calibration frames, scan frames or both.")
+
+    def as_set_up(self) -> "SimulationPlan":
+        """The plan with the first laser turned to the axis by hand, where the paper's method needs it."""
+        views, rng = self.views, self.rng("laser by hand")
+        if views.axis_line == 0:
+            return self
+        first = next(iter(self.scanner.rig.lasers))
+        miss_mm = views.hand_mm * float(rng.standard_normal())
+        lean_rad = float(np.radians(views.hand_deg)) * float(rng.standard_normal())
+        return replace(self, scanner=self.scanner.aimed(first, miss_mm, lean_rad))
 
     @property
     def scanning_lasers(self) -> tuple[str, ...]:

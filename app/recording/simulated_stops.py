@@ -14,6 +14,8 @@ from app.simulation.rig import Z_UP
 from app.simulation.scene import Body, Scene
 from app.vision.board import BoardSpec
 
+_INTRINSICS_EXPOSURE = 2.2
+
 
 @dataclass(frozen=True, slots=True)
 class Take:
@@ -54,8 +56,10 @@ def calibration_stops(plan: SimulationPlan) -> Iterator[Stop]:
     rig, board = plan.scanner.rig, board_of(plan)
     plate = board_plate(board)
     lasers = tuple(rig.lasers)
+    # No laser has to be seen in these, so nobody would take them in the dark.
+    bright = replace(plan, lighting=plan.lighting.brighter(_INTRINSICS_EXPOSURE))
     for pose in free_poses(rig.camera, plate, plan.views.intrinsics, plan.rng("intrinsics")):
-        yield _held(plan, board, pose, (Take(Role.INTRINSICS),))
+        yield _held(bright, board, pose, (Take(Role.INTRINSICS),))
     for number, pose in enumerate(sheet_poses(rig, plate, plan.views.laser_plane, plan.rng("planes"))):
         takes = tuple(
             Take(Role.LASER_PLANE, lit, None, number) for lit in ((), *((name,) for name in lasers))

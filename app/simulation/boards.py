@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from app.geometry.arrays import Floats, Points
 from app.geometry.transform import RigidTransform
 from app.simulation.mesh import Mesh, plain_mesh
-from app.simulation.objects import lathe
 from app.simulation.scene import Body, Texture
+from app.simulation.swept import lathe
 from app.vision.board import BoardSpec
 from app.vision.markers import PlatterSpec, aruco_dictionary
 
@@ -52,12 +52,12 @@ def table_bodies(radius_mm: float, platter: PlatterSpec | None) -> tuple[Body, B
     rim = lathe(np.array([[radius_mm, -_TABLE_THICKNESS_MM], [radius_mm, 0.0]]), (0.3, 0.3, 0.3))
     where = RigidTransform.identity()
     texture = None if platter is None else _platter_texture(platter, radius_mm)
-    return Body(top, where, texture is not None, texture), Body(rim, where, False)
+    return Body(top, where, True, texture, is_round=True), Body(rim, where, False)
 
 
 def platter_poses(platter: PlatterSpec, radius_mm: float) -> tuple[RigidTransform, ...]:
     """Table from marker for each marker on the rim: x along its upper edge, y down it, origin its middle."""
-    ring = radius_mm - 0.75 * platter.marker_mm
+    ring = radius_mm - 0.95 * platter.marker_mm
     poses = []
     for number in range(len(platter.ids)):
         # Not evenly spread: nothing may depend on it.
@@ -82,34 +82,51 @@ def _board_texture(spec: BoardSpec, margin_mm: float) -> Texture:
         x, y = np.meshgrid(across + origin[0], fine + origin[1])
         ink = _is_ink(spec, x, y).reshape(len(rows), _FINER, shape[1], _FINER)
         is_ink[rows.start : rows.stop] = ink.mean(axis=(1, 3))
-    return Texture((_WHITE + (_INK - _WHITE) * is_ink).astype(np.float32), origin, _TEXEL_MM)
+    return Texture.of((_WHITE + (_INK - _WHITE) * is_ink).astype(np.float32), origin, _TEXEL_MM)
 
 
 def _is_ink(spec: BoardSpec, x: Floats, y: Floats) -> NDArray[np.bool_]:
     """Whether places on the board are black; the square before the first corner is, on a chessboard."""
     if spec.kind in ("circles", "asymmetric_circles"):
-        points = spec.points()[:, :2]
-        apart = spec.spacing_mm if spec.kind == "circles" else spec.spacing_mm * np.sqrt(2.0)
-        inked = np.zeros(x.shape, np.bool_)
-        for px, py in points:
-            inked |= (x - px) ** 2 + (y - py) ** 2 < (0.25 * apart) ** 2
-        return inked
+        return _is_dot(spec, x, y)
     rows, columns = spec.shape
     column, row = np.floor(x / spec.spacing_mm).astype(int), np.floor(y / spec.spacing_mm).astype(int)
     is_inside = (column >= -1) & (column < columns) & (row >= -1) & (row < rows)
-    inked: NDArray[np.bool_] = is_inside & ((column + row) % 2 == 0)
-    if spec.kind == "chessboard":
-        return inked
+    is_black: NDArray[np.bool_] = is_inside & ((column + row) % 2 == 0)
+    if spec.kind == "charuco":
+        cells = _marker_cells(spec)
+        size = spec.marker_mm / cells.shape[2]
+        inset = (spec.spacing_mm - spec.marker_mm) / 2.0
+        i = np.floor((y - row * spec.spacing_mm - inset) / size).astype(int)
+        j = np.floor((x - column * spec.spacing_mm - inset) / size).astype(int)
+        on_cell = is_inside & ~is_black & (i >= 0) & (j >= 0) & (i < cells.shape[2]) & (j < cells.shape[2])
+        is_black[on_cell] = cells[row[on_cell] + 1, column[on_cell] + 1, i[on_cell], j[on_cell]]
+    return is_black
+
+
+def _is_dot(spec: BoardSpec, x: Floats, y: Floats) -> NDArray[np.bool_]:
+    step = spec.spacing_mm
+    row = np.clip(np.rint(y / step), 0, spec.rows - 1)
+    if spec.kind == "circles":
+        across, apart = np.clip(np.rint(x / step), 0, spec.columns - 1), step
+    else:
+        shift = row % 2
+        across = 2.0 * np.clip(np.rint((x / step - shift) / 2.0), 0, spec.columns - 1) + shift
+        apart = step * np.sqrt(2.0)
+    is_black: NDArray[np.bool_] = np.hypot(x - across * step, y - row * step) < 0.25 * apart
+    return is_black
+
+
+def _marker_cells(spec: BoardSpec) -> NDArray[np.bool_]:
+    """Cells (rows, columns, n, n) of the marker in every white square, false in the black ones."""
     dictionary = aruco_dictionary(spec.dictionary)
     board = cv2.aruco.CharucoBoard((spec.columns, spec.rows), spec.spacing_mm, spec.marker_mm, dictionary)
+    side = dictionary.markerSize + 2
+    cells = np.zeros((spec.rows, spec.columns, side, side), np.bool_)
     for number, corners in zip(np.ravel(board.getIds()), board.getObjPoints(), strict=True):
-        left, top = np.asarray(corners)[0, :2] - spec.spacing_mm
-        cells = _cells(dictionary, int(number))
-        size = spec.marker_mm / len(cells)
-        i, j = np.floor((y - top) / size).astype(int), np.floor((x - left) / size).astype(int)
-        is_marker = (i >= 0) & (j >= 0) & (i < len(cells)) & (j < len(cells))
-        inked[is_marker] = cells[i[is_marker], j[is_marker]]
-    return inked
+        column, row = (np.asarray(corners)[:, :2].mean(axis=0) / spec.spacing_mm).astype(int)
+        cells[row, column] = _cells(dictionary, int(number))
+    return cells
 
 
 def _cells(dictionary: cv2.aruco.Dictionary, number: int) -> NDArray[np.bool_]:
@@ -129,7 +146,7 @@ def _platter_texture(platter: PlatterSpec, radius_mm: float) -> Texture:
     for number, pose in zip(platter.ids, platter_poses(platter, radius_mm), strict=True):
         cells = _cells(dictionary, number)
         size = platter.marker_mm / len(cells)
-        reach = platter.marker_mm
+        reach = 1.3 * platter.marker_mm
         low = np.maximum(((pose.translation[:2] - reach - origin) / _TEXEL_MM).astype(int), 0)
         high = np.minimum(((pose.translation[:2] + reach - origin) / _TEXEL_MM).astype(int), count)
         fine = [
@@ -140,8 +157,8 @@ def _platter_texture(platter: PlatterSpec, radius_mm: float) -> Texture:
         along = x * pose.rotation[0, 0] + y * pose.rotation[1, 0]
         down = x * pose.rotation[0, 1] + y * pose.rotation[1, 1]
         half = platter.marker_mm / 2.0
-        # A white border of one cell, as markers are printed.
-        is_label = np.maximum(np.abs(along), np.abs(down)) < half + size
+        # A white border of two cells: what lies beyond must not disturb the corners.
+        is_label = np.maximum(np.abs(along), np.abs(down)) < half + 2.0 * size
         i, j = np.floor((down + half) / size).astype(int), np.floor((along + half) / size).astype(int)
         is_cell = (i >= 0) & (j >= 0) & (i < len(cells)) & (j < len(cells))
         is_black = is_cell & cells[np.clip(i, 0, len(cells) - 1), np.clip(j, 0, len(cells) - 1)]
@@ -151,7 +168,7 @@ def _platter_texture(platter: PlatterSpec, radius_mm: float) -> Texture:
         fresh = np.where(np.isnan(painted), under, painted)
         rows, columns = albedo[part].shape
         albedo[part] = fresh.reshape(rows, _FINER, columns, _FINER).mean(axis=(1, 3))
-    return Texture(albedo, origin, _TEXEL_MM)
+    return Texture.of(albedo, origin, _TEXEL_MM)
 
 
 def _plate(low: Floats, high: Floats) -> Mesh:

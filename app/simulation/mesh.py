@@ -14,6 +14,9 @@ from app.geometry.transform import RigidTransform
 # A triangle larger than this bends visibly under the lens's distortion.
 _LONGEST_EDGE_MM = 12.0
 
+Albedo = tuple[float, float, float]
+"""Blue, green, red in 0..1."""
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Mesh:
@@ -72,9 +75,7 @@ class Mesh:
         return trimesh.Trimesh(self.vertices, self.faces, process=False)
 
 
-def plain_mesh(
-    vertices: Points, faces: NDArray[np.int32], albedo: tuple[float, float, float], is_closed: bool = True
-) -> Mesh:
+def plain_mesh(vertices: Points, faces: NDArray[np.int32], albedo: Albedo, is_closed: bool = True) -> Mesh:
     """A mesh of one colour that is meant as it is.
 
     Args:
@@ -117,9 +118,7 @@ def smooth_normals(vertices: Points, faces: NDArray[np.int32]) -> Points:
     return normals
 
 
-def from_trimesh(
-    surface: trimesh.Trimesh, albedo: tuple[float, float, float], sharp_deg: float = 40.0
-) -> Mesh:
+def from_trimesh(surface: trimesh.Trimesh, albedo: Albedo, sharp_deg: float = 40.0) -> Mesh:
     """A mesh of one colour whose edges sharper than `sharp_deg` stay sharp, cut into small triangles."""
     cut, faces = trimesh.remesh.subdivide_to_size(
         surface.vertices, surface.faces, max_edge=_LONGEST_EDGE_MM, max_iter=20
@@ -134,7 +133,7 @@ def from_trimesh(
     )
 
 
-def load_mesh(path: Path, albedo: tuple[float, float, float]) -> Mesh:
+def load_mesh(path: Path, albedo: Albedo) -> Mesh:
     """A mesh from an STL, OBJ or PLY file in millimetres, as it lies in the file.
 
     Raises:

@@ -8,13 +8,9 @@ import numpy as np
 import trimesh
 
 from app.errors import OptionError
-from app.geometry.arrays import Floats
 from app.geometry.transform import RigidTransform, rotation_about
-from app.simulation.mesh import Mesh, from_trimesh, load_mesh, plain_mesh, standing_for
-import itertools
-
-Albedo = tuple[float, float, float]
-"""Blue, green, red in 0..1."""
+from app.simulation.mesh import Albedo, Mesh, from_trimesh, load_mesh, plain_mesh, standing_for
+from app.simulation.swept import lathe, tube
 
 _PLASTER: Albedo = (0.70, 0.74, 0.78)
 _CLAY: Albedo = (0.38, 0.52, 0.72)
@@ -119,7 +115,7 @@ def mug() -> SimulatedObject:
     lip = np.column_stack([outer - rim + rim * np.cos(turn), height - rim + rim * np.sin(turn)])
     outside = np.column_stack([np.full(40, outer), np.linspace(0.0, height - rim, 40)])
     inside = np.column_stack([np.full(20, outer - wall), np.linspace(height - rim, floor, 20)])
-    body = lathe(np.concatenate([outside, lip, inside]), _PLASTER)
+    body = _banded(lathe(np.concatenate([outside, lip, inside]), _PLASTER), outer)
     bottoms = [
         lathe(np.array([[outer - wall, floor], [0.0, floor]]), _PLASTER),
         lathe(np.array([[0.0, 0.0], [outer, 0.0]]), _PLASTER),
@@ -129,9 +125,9 @@ def mug() -> SimulatedObject:
     arc = np.column_stack(
         [start + 24.0 * np.cos(along) ** 0.8, np.zeros(33), height / 2.0 + 21.0 * np.sin(along)]
     )
-    handle = _tube(arc, 4.5, _PLASTER)
+    handle = tube(arc, 4.5, _PLASTER)
     mesh = Mesh.joined([body, *bottoms, handle])
-    return SimulatedObject("mug", _banded(mesh, outer), {"outer_radius_mm": outer, "height_mm": height})
+    return SimulatedObject("mug", mesh, {"outer_radius_mm": outer, "height_mm": height})
 
 
 def rabbit() -> SimulatedObject:
@@ -157,60 +153,6 @@ def rabbit() -> SimulatedObject:
         lean = rotation_about(np.array([0.0, 1.0, 0.0]), pitch)
         pieces.append(shaped.moved(RigidTransform(lean, np.array(centre))))
     return SimulatedObject("rabbit", Mesh.joined(pieces), {})
-
-
-def lathe(profile: Floats, albedo: Albedo, sections: int = 192) -> Mesh:
-    """A surface of revolution about z.
-
-    Args:
-        profile: (N, 2) radius and height, mm; the outside lies to the right of the way along it.
-        albedo: blue, green, red in 0..1.
-        sections: facets round the turn.
-    """
-    turn = np.linspace(0.0, 2.0 * np.pi, sections, endpoint=False)
-    radius, height = _refined(profile).T
-    vertices = np.stack(
-        [
-            radius[:, None] * np.cos(turn),
-            radius[:, None] * np.sin(turn),
-            np.broadcast_to(height[:, None], (len(height), sections)),
-        ],
-        axis=-1,
-    ).reshape(-1, 3)
-    ring, step = np.meshgrid(np.arange(len(radius) - 1), np.arange(sections), indexing="ij")
-    a = (ring * sections + step).ravel()
-    b = (ring * sections + (step + 1) % sections).ravel()
-    c, d = b + sections, a + sections
-    faces = np.concatenate([np.column_stack([a, b, c]), np.column_stack([a, c, d])])
-    corners = vertices[faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
-    return plain_mesh(vertices, faces[area > 1e-9].astype(np.int32), albedo)
-
-
-def _refined(profile: Floats, longest_mm: float = 6.0) -> Floats:
-    pieces = []
-    for start, end in itertools.pairwise(profile):
-        steps = max(1, int(np.ceil(np.linalg.norm(end - start) / longest_mm)))
-        pieces.append(start + (end - start) * np.arange(steps)[:, None] / steps)
-    return np.concatenate([*pieces, profile[-1:]])
-
-
-def _tube(path: Floats, radius_mm: float, albedo: Albedo, sections: int = 24) -> Mesh:
-    """A round bar along a path (N, 3) that lies in a plane of constant y, open at its hidden ends."""
-    along = np.gradient(path, axis=0)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    side = np.array([0.0, 1.0, 0.0])
-    across = np.cross(along, side)
-    turn = np.linspace(0.0, 2.0 * np.pi, sections, endpoint=False)
-    ring = across[:, None, :] * np.cos(turn)[:, None] + side * np.sin(turn)[:, None]
-    vertices = (path[:, None, :] + radius_mm * ring).reshape(-1, 3)
-    place, step = np.meshgrid(np.arange(len(path) - 1), np.arange(sections), indexing="ij")
-    a = (place * sections + step).ravel()
-    b = (place * sections + (step + 1) % sections).ravel()
-    faces = np.concatenate(
-        [np.column_stack([a, b + sections, b]), np.column_stack([a, a + sections, b + sections])]
-    )
-    return plain_mesh(vertices, faces.astype(np.int32), albedo)
 
 
 def _banded(mesh: Mesh, outer_mm: float) -> Mesh:

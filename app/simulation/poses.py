@@ -39,7 +39,7 @@ def free_poses(
     for number in range(count):
         # A golden-angle spiral of targets covers the picture evenly for any count.
         turn, reach = 2.399963 * number, np.sqrt((number + 0.5) / count)
-        target = np.array([0.5 + 0.36 * reach * np.cos(turn), 0.5 + 0.36 * reach * np.sin(turn)])
+        target = np.array([0.5 + 0.40 * reach * np.cos(turn), 0.5 + 0.40 * reach * np.sin(turn)])
         fill = 0.42 + 0.45 * ((number * 0.618034) % 1.0)
         for attempt in range(_TRIES):
             slack = 1.0 - attempt / _TRIES
@@ -62,7 +62,7 @@ def free_poses(
 def sheet_poses(rig: Rig, plate: Points, count: int, rng: np.random.Generator) -> list[RigidTransform]:
     """Camera from board for laser planes: about the axis, nearer and farther, crossed by every sheet."""
     middle, extent = plate.mean(axis=0), np.ptp(plate, axis=0)
-    centre = rig.axis.origin + 0.45 * extent[1] * rig.axis.direction
+    centre = _nearest_the_optical_axis(rig)
     poses = []
     for number in range(count):
         depth = ((number + 0.5) / count - 0.5) * 0.75 * extent[0]
@@ -73,8 +73,7 @@ def sheet_poses(rig: Rig, plate: Points, count: int, rng: np.random.Generator) -
             rotation = rotation_from_rvec(tilt * np.array([np.cos(towards), np.sin(towards), 0.0]))
             rotation = rotation @ rotation_about(_Z, np.radians(rng.uniform(-12.0, 12.0)))
             aside = rng.uniform(-0.15, 0.15, 2) * extent[:2]
-            shift = np.array([aside[0], aside[1], depth * slack + (1.0 - slack) * 0.5 * extent[0]])
-            pose = _centred(rotation, middle, centre + shift)
+            pose = _centred(rotation, middle, centre + slack * np.array([*aside, depth]))
             corners = pose @ plate
             if _is_inside(rig.camera, corners) and _are_crossed(rig, corners, pose @ middle[None]):
                 poses.append(pose)
@@ -105,6 +104,16 @@ def standing_pose(
 
 def _centred(rotation: Points, middle: Vector3, place: Vector3) -> RigidTransform:
     return RigidTransform(rotation, place - rotation @ middle)
+
+
+def _nearest_the_optical_axis(rig: Rig) -> Vector3:
+    """The point of the turntable's axis that is seen nearest the middle of the picture."""
+    origin, up = rig.axis.origin, rig.axis.direction
+    across = float(up[:2] @ up[:2])
+    if across < 1e-3:
+        return origin
+    nearest: Vector3 = origin - float(origin[:2] @ up[:2]) / across * up
+    return nearest
 
 
 def _is_inside(camera: CameraIntrinsics, corners: Points) -> bool:

@@ -8,27 +8,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from app.errors import OptionError
 from app.geometry.arrays import Floats, unit
-from app.geometry.camera import CameraIntrinsics, RayTable
 from app.geometry.transform import RigidTransform, rotation_about
 from app.simulation import kernels
+from app.simulation.layers import F32, Box, Layers, backdrop, blurred, camera_rays, projected
 from app.simulation.mesh import Mesh
 from app.simulation.noise import Noise, normal_levels, speckle_levels
-from app.simulation.rig import Z_UP, LaserSource
-from app.simulation.scene import Body, Lighting, Scene
+from app.simulation.rig import Z_UP
+from app.simulation.scene import BUSY_BLOCK, Scene
+from app.simulation.sheet import FAN_BINS, Sheet
 from app.vision.stripe import Image
 
-F32 = NDArray[np.float32]
-Box = tuple[int, int, int, int]
-
-_FAN_BINS = 16384
-# The sheet's shadows are found in planes this many sigmas beside its middle.
-_SLICES = np.array([-4.0, -3.0, -2.0, -1.0, 0.0, 1.0, 2.0, 3.0, 4.0])
 _TEXTURE_SAMPLES = 5
 # How strongly blue, green and red pixels see each laser; the leak gives a bright stripe its white core.
 _TINTS = {
@@ -39,6 +33,7 @@ _TINTS = {
 }
 # What a camera without colours sees of each.
 _GREY_TINT = 0.8
+_LUMA = np.array([0.114, 0.587, 0.299], np.float32)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -73,26 +68,31 @@ class Renderer:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self._rays = _rays(scene.scanner.rig.camera)
+        self._rays = camera_rays(scene.scanner.rig.camera)
         height, width = self._rays.shape[:2]
         faces = [len(body.mesh.faces) for body in scene.bodies]
         self._first = np.cumsum([0, *faces])
-        self._static = _Layers.blank(width, height, _backdrop(width, height, scene.lighting))
-        self._fixed_meshes = {
-            n: self._draw(self._static, n, 0.0) for n, body in enumerate(scene.bodies) if not body.turns
+        self._static = Layers.blank(width, height, backdrop(width, height, scene.lighting))
+        self._fixed = {
+            n: self._draw(self._static, n, 0.0)
+            for n, body in enumerate(scene.bodies)
+            if body.is_round or not body.turns
         }
 
     def look(self, angle_rad: float) -> View:
         """The scene at a table angle, counter-clockwise seen from above."""
         layers = self._static.copy()
+        for number, drawn in self._fixed.items():
+            if self.scene.bodies[number].is_round:
+                self._colour(layers, number, drawn.box, self._place(number, angle_rad))
         meshes = [
-            self._fixed_meshes[n] if n in self._fixed_meshes else self._draw(layers, n, angle_rad)
+            self._fixed[n].mesh if n in self._fixed else self._draw(layers, n, angle_rad).mesh
             for n in range(len(self.scene.bodies))
         ]
         ambient = layers.seen
         if self.scene.is_grey:
             ambient = np.ascontiguousarray((ambient @ _LUMA)[:, :, None])
-        ambient = _blurred(ambient, self.scene.lens_blur_px)
+        ambient = blurred(ambient, self.scene.lens_blur_px)
         return View(layers.depth, layers.owner, layers.normal, layers.albedo, ambient, tuple(meshes))
 
     def irradiance(self, view: View, laser: str) -> F32:
@@ -103,8 +103,8 @@ class Renderer:
             known = ", ".join(self.scene.scanner.sources)
             raise OptionError(f"There is no laser called {laser!r}.", f"Choose one of: {known}.") from None
         plane = self.scene.scanner.rig.lasers[laser]
-        sheet = _Sheet.of(self.scene, source, plane.normal)
-        reach = np.full((len(sheet.offsets_mm), _FAN_BINS), np.inf, np.float32)
+        sheet = Sheet.of(self.scene, source, plane.normal)
+        reach = np.full((len(sheet.offsets_mm), FAN_BINS), np.inf, np.float32)
         fan = (plane.normal, plane.distance_mm, source.position_mm, sheet.forward, sheet.sideways)
         for mesh in view.meshes:
             kernels.cut(
@@ -118,7 +118,7 @@ class Renderer:
             source.half_fan_rad, reach, source.sigma_mm, source.focus_mm, source.focus_depth_mm,
             source.peak_grey, lit,
         )  # fmt: skip
-        return _blurred(lit, self.scene.lens_blur_px)
+        return blurred(lit, self.scene.lens_blur_px)
 
     def expose(self, view: View, lasers_on: Sequence[str], seed: int, noise: Noise | None = None) -> Image:
         """The picture with these lasers on.
@@ -148,43 +148,45 @@ class Renderer:
         )  # fmt: skip
         return image if channels == 3 else image[:, :, 0]
 
-    def _draw(self, layers: "_Layers", number: int, angle_rad: float) -> Mesh:
-        """One body into the layers; its mesh in the camera frame."""
-        scanner, body = self.scene.scanner, self.scene.bodies[number]
+    def _place(self, number: int, angle_rad: float) -> RigidTransform:
+        """Camera from body."""
+        body = self.scene.bodies[number]
         turned = RigidTransform(rotation_about(Z_UP, angle_rad if body.turns else 0.0), np.zeros(3))
-        camera_from_body = scanner.rig.axis.camera_from_table @ turned @ body.pose
-        mesh = body.mesh.moved(camera_from_body)
+        return self.scene.scanner.rig.axis.camera_from_table @ turned @ body.pose
+
+    def _draw(self, layers: Layers, number: int, angle_rad: float) -> "_Drawn":
+        """One body into the layers."""
+        place = self._place(number, angle_rad)
+        mesh = self.scene.bodies[number].mesh.moved(place)
         first = int(self._first[number])
-        pixels = _projected(scanner.rig.camera, mesh.vertices)
+        pixels = projected(self.scene.scanner.rig.camera, mesh.vertices)
         box = kernels.rasterise(
             mesh.vertices, pixels, mesh.faces, self._rays, layers.depth, layers.owner, first, mesh.is_closed
         )
-        if box[0] >= box[1]:
-            return mesh
-        kernels.resolve(
-            box, layers.owner, first, mesh.vertices, mesh.normals, mesh.faces, mesh.albedo,
-            mesh.quadrics, mesh.face_quadric, self._rays, layers.depth, layers.normal, layers.albedo,
-        )  # fmt: skip
-        if body.texture is not None:
-            self._paint(layers, body, box, first, camera_from_body.inverse())
-        lighting = self.scene.lighting
+        if box[0] < box[1]:
+            kernels.resolve(
+                box, layers.owner, first, mesh.vertices, mesh.normals, mesh.faces, mesh.albedo,
+                mesh.quadrics, mesh.face_quadric, self._rays, layers.depth, layers.normal, layers.albedo,
+            )  # fmt: skip
+            self._colour(layers, number, box, place)
+        return _Drawn(mesh, box)
+
+    def _colour(self, layers: Layers, number: int, box: Box, place: RigidTransform) -> None:
+        """Print and room light on the pixels that see a body."""
+        body, first, lighting = self.scene.bodies[number], int(self._first[number]), self.scene.lighting
+        texture = body.texture
+        if texture is not None:
+            is_printed = np.abs(body.mesh.vertices[body.mesh.faces][:, :, 2]).max(axis=1) < 1e-9
+            # Triangles in the plane of the print come first in every printed body.
+            count, back = int(np.count_nonzero(is_printed)), place.inverse()
+            kernels.paint(
+                box, layers.owner, first, count, back.rotation, back.translation,
+                texture.albedo, texture.is_busy, BUSY_BLOCK, texture.origin_mm, texture.texel_mm,
+                _TEXTURE_SAMPLES, self._rays, layers.albedo,
+            )  # fmt: skip
         kernels.shade(
             box, layers.owner, first, layers.normal, layers.albedo, _lamp(self.scene),
             lighting.lamp_grey, lighting.ambient_grey, layers.seen,
-        )  # fmt: skip
-        return mesh
-
-    def _paint(
-        self, layers: "_Layers", body: Body, box: Box, first: int, body_from_camera: RigidTransform
-    ) -> None:
-        texture = body.texture
-        assert texture is not None
-        in_plane = np.abs(body.mesh.vertices[body.mesh.faces][:, :, 2]).max(axis=1) < 1e-9
-        # Triangles in the plane come first in every printed body.
-        count = int(np.count_nonzero(in_plane))
-        kernels.paint(
-            box, layers.owner, first, count, body_from_camera.rotation, body_from_camera.translation,
-            texture.albedo, texture.origin_mm, texture.texel_mm, _TEXTURE_SAMPLES, self._rays, layers.albedo,
         )  # fmt: skip
 
 
@@ -201,85 +203,12 @@ def renderer_of(scene: Scene) -> Renderer:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Layers:
-    depth: F32
-    owner: NDArray[np.int32]
-    normal: F32
-    albedo: F32
-    seen: F32
-
-    @classmethod
-    def blank(cls, width: int, height: int, backdrop: F32) -> "_Layers":
-        return cls(
-            np.full((height, width), np.inf, np.float32), np.full((height, width), -1, np.int32),
-            np.zeros((height, width, 3), np.float32), np.zeros((height, width, 3), np.float32), backdrop,
-        )  # fmt: skip
-
-    def copy(self) -> "_Layers":
-        return _Layers(
-            self.depth.copy(), self.owner.copy(), self.normal.copy(), self.albedo.copy(), self.seen.copy()
-        )
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Sheet:
-    """Directions of a laser's fan, camera frame."""
-
-    forward: Floats
-    sideways: Floats
-    offsets_mm: Floats
-    cosine: Floats
-    sine: Floats
-
-    @classmethod
-    def of(cls, scene: Scene, source: LaserSource, normal: Floats) -> "_Sheet":
-        towards = scene.scanner.rig.axis.origin - source.position_mm
-        forward = unit(towards - (towards @ normal) * normal)
-        turn = np.linspace(-source.half_fan_rad, source.half_fan_rad, _FAN_BINS)
-        return cls(forward, np.cross(normal, forward), _SLICES * source.sigma_mm, np.cos(turn), np.sin(turn))
-
-
-_LUMA = np.array([0.114, 0.587, 0.299], np.float32)
-
-
-@lru_cache(maxsize=4)
-def _rays(camera: CameraIntrinsics) -> F32:
-    return RayTable.of(camera).rays
-
-
-def _projected(camera: CameraIntrinsics, vertices: Floats) -> Floats:
-    """Pixels (V, 2); far outside the picture without distortion, which folds back there for some lenses."""
-    pixels = camera.project(vertices)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        flat = vertices[:, :2] / vertices[:, 2:]
-    m, (width, height) = camera.matrix, camera.size
-    straight = flat * [m[0, 0], m[1, 1]] + [m[0, 2], m[1, 2]]
-    is_far = (np.abs(straight - [width / 2.0, height / 2.0]) > [0.8 * width, 0.8 * height]).any(axis=1)
-    return np.where(is_far[:, None], straight, pixels)
+class _Drawn:
+    mesh: Mesh
+    box: Box
 
 
 def _lamp(scene: Scene) -> Floats:
     """Direction of the lamp, camera frame: above, in front, to the left."""
     in_table = unit(np.array([0.45, -0.5, 0.75]))
     return scene.scanner.rig.axis.camera_from_table.rotation @ in_table
-
-
-def _backdrop(width: int, height: int, lighting: Lighting) -> F32:
-    """A far wall out of focus: a soft gradient and some blurred things before it."""
-    x, y = np.meshgrid(np.linspace(-1.0, 1.0, width), np.linspace(-1.0, 1.0, height))
-    glow = 0.75 + 0.35 * x * 0.6 - 0.3 * y - 0.2 * x * x
-    for cx, cy, wide, strength in ((-0.7, -0.6, 0.25, 0.5), (0.5, -0.8, 0.35, -0.35), (0.85, -0.2, 0.2, 0.3)):
-        glow += strength * np.exp(-((x - cx) ** 2 + ((y - cy) * 0.6) ** 2) / (2.0 * wide**2))
-    colour = np.array([0.86, 0.95, 1.0])
-    backdrop: F32 = (lighting.backdrop_grey * np.clip(glow, 0.1, None)[:, :, None] * colour).astype(
-        np.float32
-    )
-    return backdrop
-
-
-def _blurred(image: F32, sigma_px: float) -> F32:
-    if sigma_px <= 0.0:
-        return image
-    size = 2 * int(np.ceil(3.0 * sigma_px)) + 1
-    blurred = np.asarray(cv2.GaussianBlur(image, (size, size), sigma_px), np.float32)
-    return blurred.reshape(image.shape)

@@ -1,7 +1,7 @@
 """The scanner that is simulated: a calibrated rig, and where its lasers stand."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -67,12 +67,9 @@ class SimulatedRig:
         """A simulated rig about a calibrated one, with each laser put where one would plausibly stand.
 
         Every source stands as far from the axis and as high as the camera, in its own plane, on the
-        camera's side. A rig whose table is unknown gets one where the table frame has its origin.
+        camera's side. A rig whose table is unknown gets one in the lower half of the picture.
         """
-        axis = rig.axis
-        if not np.isfinite(axis.offset_mm):
-            along = float((axis.origin - axis.point_mm) @ axis.direction)
-            axis = TurntableAxis(axis.point_mm, axis.direction, along)
+        axis = rig.axis if np.isfinite(rig.axis.offset_mm) else _with_table(rig.axis, rig.camera)
         rig = Rig(rig.camera, rig.lasers, axis)
         distance = float(np.linalg.norm(axis.origin))
         sources = {
@@ -80,6 +77,30 @@ class SimulatedRig:
             for name, plane in rig.lasers.items()
         }
         return cls(rig, sources, 0.25 * distance if table_radius_mm is None else table_radius_mm)
+
+    def aimed(self, laser: str, miss_mm: float = 0.0, lean_rad: float = 0.0) -> "SimulatedRig":
+        """The same scanner with one laser turned to shine through the axis, or almost.
+
+        Args:
+            laser: its name.
+            miss_mm: how far beside the axis, where it meets the table.
+            lean_rad: how far the sheet leans against the axis there.
+        """
+        axis, old = self.rig.axis, self.rig.lasers[laser]
+        towards = unit(self.sources[laser].position_mm - axis.origin)
+        normal = unit(np.cross(axis.direction, towards))
+        if normal @ old.normal < 0.0:
+            normal = -normal
+        outward = np.cross(axis.direction, normal)
+        normal = np.cos(lean_rad) * normal + np.sin(lean_rad) * np.cross(outward, normal)
+        plane = LaserPlane.through(axis.origin + miss_mm * normal, normal)
+        source = self.sources[laser]
+        on_plane = source.position_mm - plane.signed_distance(source.position_mm[None])[0] * plane.normal
+        return SimulatedRig(
+            Rig(self.rig.camera, {**self.rig.lasers, laser: plane}, axis),
+            {**self.sources, laser: replace(source, position_mm=on_plane)},
+            self.table_radius_mm,
+        )
 
     @property
     def table_from_camera(self) -> RigidTransform:
@@ -162,6 +183,18 @@ def _looking_at_the_axis(distance_mm: float, elevation: float) -> RigidTransform
     y = np.cross(-back, x)
     position = np.array([0.0, 0.0, 25.0]) + distance_mm * back + 2.5 * right
     return RigidTransform(np.column_stack([x, y, -back]), position)
+
+
+def _with_table(axis: TurntableAxis, camera: CameraIntrinsics) -> TurntableAxis:
+    """The axis with a table where the picture shows the axis about two thirds of the way down."""
+    reach = 2.0 * float(np.linalg.norm(axis.origin))
+    nearest = float((axis.origin - axis.point_mm) @ axis.direction)
+    offsets = nearest + np.linspace(-reach, reach, 2001)
+    seen = camera.project(axis.point_mm + offsets[:, None] * axis.direction)
+    width, height = camera.size
+    off = np.linalg.norm(seen - [0.5 * width, 0.64 * height], axis=1)
+    offset_mm = nearest if np.isnan(off).all() else float(offsets[np.nanargmin(off)])
+    return TurntableAxis(axis.point_mm, axis.direction, offset_mm)
 
 
 def _source(rig: Rig, plane: LaserPlane, colour: LaserColour, stripe_sigma_px: float) -> LaserSource:

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +12,8 @@ from app.simulation.mesh import Mesh
 from app.simulation.noise import Noise
 from app.simulation.rig import SimulatedRig
 
+BUSY_BLOCK = 16
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Texture:
@@ -18,13 +21,25 @@ class Texture:
 
     Attributes:
         albedo: (h, w) share of the light that comes back, 0..1; rows along y, columns along x.
+        is_busy: whether a block of `BUSY_BLOCK` squared texels, or one beside it, holds an edge.
         origin_mm: (2,) the body's x and y at the outer edge of the first texel.
         texel_mm: side of a texel.
     """
 
     albedo: NDArray[np.float32]
+    is_busy: NDArray[np.bool_]
     origin_mm: Floats
     texel_mm: float
+
+    @classmethod
+    def of(cls, albedo: NDArray[np.float32], origin_mm: Floats, texel_mm: float) -> "Texture":
+        rows, columns = (-(-size // BUSY_BLOCK) for size in albedo.shape)
+        padding = ((0, rows * BUSY_BLOCK - albedo.shape[0]), (0, columns * BUSY_BLOCK - albedo.shape[1]))
+        blocks = np.pad(albedo, padding, mode="edge").reshape(rows, BUSY_BLOCK, columns, BUSY_BLOCK)
+        low, high = blocks.min(axis=(1, 3)), blocks.max(axis=(1, 3))
+        square = np.ones((3, 3), np.uint8)
+        is_busy = np.asarray(cv2.erode(low, square)) != np.asarray(cv2.dilate(high, square))
+        return cls(albedo, is_busy, origin_mm, texel_mm)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -35,6 +50,7 @@ class Body:
         mesh: its surface, in the body's frame.
         pose: table from body, at table angle 0.
         turns: whether it turns with the table; what does not is drawn once.
+        is_round: whether turning moves its print alone; its shape is then drawn once.
         texture: printed on the triangles that lie in its plane z = 0, where there is one.
     """
 
@@ -42,6 +58,7 @@ class Body:
     pose: RigidTransform
     turns: bool
     texture: Texture | None = None
+    is_round: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +75,10 @@ class Lighting:
     lamp_grey: float = 55.0
     backdrop_grey: float = 26.0
 
+    def brighter(self, factor: float) -> "Lighting":
+        """The same room with more light, or exposed for longer."""
+        return Lighting(factor * self.ambient_grey, factor * self.lamp_grey, factor * self.backdrop_grey)
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Scene:
@@ -68,7 +89,7 @@ class Scene:
         bodies: what is there, table included.
         lighting: of the room.
         noise: of the sensor.
-        lens_blur_px: sigma of what the lens makes of a point.
+        lens_blur_px: sigma of what lens and colour filter make of a point.
         is_grey: a camera without colours; pictures are (H, W) instead of (H, W, 3).
     """
 
@@ -76,5 +97,5 @@ class Scene:
     bodies: tuple[Body, ...]
     lighting: Lighting = field(default_factory=Lighting)
     noise: Noise = field(default_factory=Noise)
-    lens_blur_px: float = 0.45
+    lens_blur_px: float = 0.8
     is_grey: bool = False

@@ -140,7 +140,7 @@ def resolve(
                 albedo_out[v, u, c] = wa * albedo[i, c] + wb * albedo[j, c] + wc * albedo[k, c]
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True)
 def _triple(vertices: Floats, j: int, k: int, x: float, y: float) -> float:
     volume: float = (
         (vertices[j, 1] * vertices[k, 2] - vertices[j, 2] * vertices[k, 1]) * x
@@ -159,6 +159,8 @@ def paint(
     rotation: Floats,
     translation: Floats,
     texture: F32,
+    is_busy: NDArray[np.bool_],
+    block: int,
     origin_mm: Floats,
     texel_mm: float,
     samples: int,
@@ -167,9 +169,6 @@ def paint(
 ) -> None:
     top, bottom, left, right = box
     height, width = owner.shape
-    rows, columns = texture.shape
-    # Along a ray the body's z is zero at the distance below.
-    tz = translation[2]
     for v in range(top, bottom):
         for u in range(left, right):
             face = owner[v, u] - first_face
@@ -181,28 +180,47 @@ def paint(
             yu = (rays[v, u_next, 1] - rays[v, u_last, 1]) / (u_next - u_last)
             xv = (rays[v_next, u, 0] - rays[v_last, u, 0]) / (v_next - v_last)
             yv = (rays[v_next, u, 1] - rays[v_last, u, 1]) / (v_next - v_last)
+            x, y = float(rays[v, u, 0]), float(rays[v, u, 1])
+            z = -translation[2] / (rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2])
+            across = (rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2]) * z + translation[0]
+            down = (rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2]) * z + translation[1]
+            column = min(max((across - origin_mm[0]) / texel_mm - 0.5, 0.0), texture.shape[1] - 1.001)
+            row = min(max((down - origin_mm[1]) / texel_mm - 0.5, 0.0), texture.shape[0] - 1.001)
             total = 0.0
-            for sv in range(samples):
-                dv = (sv + 0.5) / samples - 0.5
-                for su in range(samples):
-                    du = (su + 0.5) / samples - 0.5
-                    x = rays[v, u, 0] + du * xu + dv * xv
-                    y = rays[v, u, 1] + du * yu + dv * yv
-                    bx = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2]
-                    by = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2]
-                    bz = rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2]
-                    z = -tz / bz
-                    column = (bx * z + translation[0] - origin_mm[0]) / texel_mm - 0.5
-                    row = (by * z + translation[1] - origin_mm[1]) / texel_mm - 0.5
-                    column = min(max(column, 0.0), columns - 1.001)
-                    row = min(max(row, 0.0), rows - 1.001)
-                    c0, r0 = int(column), int(row)
-                    fc, fr = column - c0, row - r0
-                    upper = texture[r0, c0] * (1.0 - fc) + texture[r0, c0 + 1] * fc
-                    lower = texture[r0 + 1, c0] * (1.0 - fc) + texture[r0 + 1, c0 + 1] * fc
-                    total += upper * (1.0 - fr) + lower * fr
+            if not is_busy[int(row) // block, int(column) // block]:
+                total = texture[int(row), int(column)] * samples * samples
+            else:
+                for sv in range(samples):
+                    dv = (sv + 0.5) / samples - 0.5
+                    for su in range(samples):
+                        du = (su + 0.5) / samples - 0.5
+                        px, py = x + du * xu + dv * xv, y + du * yu + dv * yv
+                        total += _printed(texture, rotation, translation, origin_mm, texel_mm, px, py)
             for c in range(3):
                 albedo_out[v, u, c] = total / (samples * samples)
+
+
+@njit(nogil=True, cache=True, inline="always")
+def _printed(
+    texture: F32,
+    rotation: Floats,
+    translation: Floats,
+    origin_mm: Floats,
+    texel_mm: float,
+    x: float,
+    y: float,
+) -> float:
+    z = -translation[2] / (rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2])
+    across = (rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2]) * z + translation[0] - origin_mm[0]
+    down = (rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2]) * z + translation[1] - origin_mm[1]
+    column = min(max(across / texel_mm - 0.5, 0.0), texture.shape[1] - 1.001)
+    row = min(max(down / texel_mm - 0.5, 0.0), texture.shape[0] - 1.001)
+    c, r = int(column), int(row)
+    fc, fr = column - c, row - r
+    upper: float = texture[r, c] + fc * (texture[r, c + 1] - texture[r, c])
+    lower: float = texture[r + 1, c] + fc * (texture[r + 1, c + 1] - texture[r + 1, c])
+    grey: float = upper + fr * (lower - upper)
+    return grey
 
 
 @njit(nogil=True, cache=True)
@@ -422,7 +440,7 @@ def expose(
                 image[v, u, c] = np.uint8(min(max(grey, np.float32(0.0)), np.float32(255.0)))
 
 
-@njit(nogil=True, cache=True, inline="always")
+@njit(nogil=True, cache=True)
 def _random(seed: np.uint64, number: int) -> np.uint64:
     bits = seed + np.uint64(number) * _GOLDEN
     bits = (bits ^ (bits >> np.uint64(30))) * _MIX_1

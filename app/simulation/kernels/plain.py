@@ -154,6 +154,8 @@ def paint(
     rotation: Floats,
     translation: Floats,
     texture: F32,
+    is_busy: NDArray[np.bool_],
+    block: int,
     origin_mm: Floats,
     texel_mm: float,
     samples: int,
@@ -170,6 +172,8 @@ def paint(
         rotation: (3, 3) body from camera.
         translation: (3,) of the same motion; the print lies on the body's z = 0.
         texture: (h, w) albedo.
+        is_busy: whether a block of texels, or one beside it, holds an edge; `compiled` samples only there.
+        block: side of a block, texels.
         origin_mm: (2,) the body's x and y at the texture's upper left edge.
         texel_mm: side of a texel.
         samples: as many squared are taken per pixel.
@@ -191,9 +195,9 @@ def paint(
             row = np.clip(row, 0.0, texture.shape[0] - 1.001)
             c0, r0 = column.astype(np.intp), row.astype(np.intp)
             fc, fr = column - c0, row - r0
-            upper = texture[r0, c0] * (1.0 - fc) + texture[r0, c0 + 1] * fc
-            lower = texture[r0 + 1, c0] * (1.0 - fc) + texture[r0 + 1, c0 + 1] * fc
-            total += upper * (1.0 - fr) + lower * fr
+            upper = texture[r0, c0] + fc * (texture[r0, c0 + 1] - texture[r0, c0])
+            lower = texture[r0 + 1, c0] + fc * (texture[r0 + 1, c0 + 1] - texture[r0 + 1, c0])
+            total += upper + fr * (lower - upper)
     albedo_out[v, u] = (total / samples**2)[:, None]
 
 
