@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.geometry.arrays import Floats
 from app.vision.stripe import Image
@@ -40,10 +41,15 @@ class Scene:
         line = np.arange(self.lines)
         return 0.5 * self.width + 0.037 * (line - 0.5 * self.lines) + 4.0 * np.sin(line / 90.0)
 
-    def pair(self, seed: int) -> tuple[Image, Image]:
-        """The picture with the laser on, and with it off, (lines, width, 3)."""
+    def pair(self, seed: int, centre: Floats | None = None) -> tuple[Image, Image]:
+        """The picture with the laser on, and with it off, (lines, width, 3).
+
+        Args:
+            seed: of the noise.
+            centre: (lines,) another than `truth`.
+        """
         rng = np.random.default_rng(seed)
-        across = np.arange(self.width) - self.truth()[:, None]
+        across = np.arange(self.width) - (self.truth() if centre is None else centre)[:, None]
         mean = self.amplitude * np.exp(-(across**2) / (2.0 * self.sigma_px**2))
         if self.contrast > 0.0:
             grains = 1.0 / self.contrast**2
@@ -83,3 +89,18 @@ SCENES = (
     Scene("speckle C = 0.2", contrast=0.2),
     Scene("speckle C = 0.3", contrast=0.3),
 )
+
+
+def step_pair(seed: int) -> tuple[Image, Image, Floats, NDArray[np.intp]]:
+    """A stripe that jumps in depth: lit and dark picture, centre (L,), and the lines (S,) that start a jump.
+
+    Every picture row sees one depth only, as through a good lens; speckle C = 0.1.
+    """
+    rng = np.random.default_rng(seed)
+    scene = Scene("steps", contrast=0.1, lines=600)
+    steps = np.arange(40, scene.lines, 40)
+    jumps = rng.choice([-1.0, 1.0], len(steps)) * rng.uniform(1.0, 25.0, len(steps))
+    offset = np.concatenate([[0.0], jumps * (np.arange(len(steps)) % 2 == 0)])
+    truth = scene.truth() + offset[np.searchsorted(steps, np.arange(scene.lines), side="right")]
+    lit, dark = scene.pair(seed, truth)
+    return lit, dark, truth, steps

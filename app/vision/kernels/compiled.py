@@ -50,7 +50,7 @@ def _peaks(
     if on.shape[1] // stride % BLOCK:
         searching.last_maxima(on, off, stride, channel, BLOCK, most)
     many = np.cumsum(searching.summits(most, TEXTURE_STEP))
-    texture = float(np.searchsorted(many, (many[-1] + 1) // 2))
+    texture = float(np.searchsorted(many, (many[-1] + 3) // 4))
     height, centre = np.zeros((len(on), count + 1)), np.zeros((len(on), count))
     sigma = np.full((len(on), count), np.nan)
     limits = max(least, 1), BLOCK, SUMMIT_REACH, REACH, HIGH, LOW

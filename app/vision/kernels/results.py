@@ -38,7 +38,7 @@ class Peaks(NamedTuple):
             a rival the peaks before it have.
         centre: (L, C) middle between the two places where the peak has fallen to half its height.
         sigma: (L, C) the peak's sigma as its two flanks tell it; NaN where there is no peak.
-        texture: what noise and pattern reach in a typical piece of a line without any stripe, grey levels.
+        texture: what noise and pattern reach in a quiet piece of a line without any stripe, grey levels.
     """
 
     height: Floats

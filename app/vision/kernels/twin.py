@@ -107,7 +107,7 @@ def _texture(response: Image) -> float:
     sample = response[::TEXTURE_STEP]
     padded = np.pad(sample, ((0, 0), (0, -sample.shape[1] % BLOCK)))
     summits = np.sort(padded.reshape(-1, BLOCK).max(axis=1))
-    return float(summits[(len(summits) + 1) // 2 - 1])
+    return float(summits[(len(summits) + 3) // 4 - 1])
 
 
 def _fall(flank: Floats, level: Floats) -> Floats:
