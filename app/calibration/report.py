@@ -15,7 +15,7 @@ from app.errors import OptionError
 from app.files import write_whole
 from app.geometry.arrays import Floats
 
-_ARROWS = 60.0
+_LONGEST_ARROW = 0.03
 
 
 def report_lines(outcome: CalibrationOutcome) -> list[str]:
@@ -43,6 +43,12 @@ def report_lines(outcome: CalibrationOutcome) -> list[str]:
         lines.append(
             f"Axis             direction ({direction}) by {outcome.axis_method}, "
             f"{record.axis_rms_mm:.3f} mm RMS"
+        )
+        height = record.axis.offset_mm
+        lines.append(
+            f"Table            {height:.2f} mm along the axis from its point"
+            if np.isfinite(height)
+            else "Table            height unknown: heights count from the axis point nearest the camera"
         )
         errors = _angle_errors(outcome)
         if len(errors):
@@ -116,15 +122,23 @@ def _picture(outcome: CalibrationOutcome) -> bytes:
 
 def _draw_residual_field(ax: Axes, outcome: CalibrationOutcome) -> None:
     width, height = outcome.record.camera.size
-    ax.set_title(f"Corner residuals, {_ARROWS:.0f} times enlarged")
     corners, residuals = outcome.corner_pixels, outcome.corner_residuals
     if len(corners):
-        off = _ARROWS * residuals
+        longest = float(np.percentile(np.linalg.norm(residuals, axis=1), 95.0))
+        enlarged = _round_number(_LONGEST_ARROW * width / max(longest, 1e-6))
+        ax.set_title(f"Corner residuals, {enlarged:.0f} times enlarged")
+        off = enlarged * residuals
         ax.quiver(
             corners[:, 0], corners[:, 1], off[:, 0], off[:, 1],
             angles="xy", scale_units="xy", scale=1.0, width=0.0015, color="#1f6f8b",
         )  # fmt: skip
     ax.set(xlim=(0, width), ylim=(height, 0), aspect="equal", xlabel="u, px", ylabel="v, px")
+
+
+def _round_number(value: float) -> float:
+    """The largest of 1, 2, 5, 10, 20, ... that is not above a value."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value))
 
 
 def _draw_residual_cloud(ax: Axes, outcome: CalibrationOutcome) -> None:

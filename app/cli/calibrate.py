@@ -1,5 +1,6 @@
 """`turnscan calibrate`: recordings in, a calibration file and a report out."""
 
+from dataclasses import replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +11,7 @@ from app.calibration.calibrate import CalibrationPlan, calibrate
 from app.calibration.camera_file import load_camera
 from app.calibration.report import report_lines, write_report
 from app.cli.console import progress_bar, say, warn
+from app.cli.table_height import with_table
 from app.errors import OptionError
 from app.recording.reader import Recording
 from app.vision.stripe import STRIPE_DETECTORS
@@ -65,6 +67,7 @@ def calibrate_command(
     opened = [Recording.open(path) for path in recordings]
     with progress_bar() as show:
         outcome = calibrate(opened, finder, plan, show)
+        outcome = replace(outcome, record=with_table(outcome.record, opened, show))
     written = report if report is not None else output.with_suffix(".html")
     outcome.record.save(output)
     write_report(outcome, written)
