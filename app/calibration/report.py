@@ -71,6 +71,16 @@ def report_lines(outcome: CalibrationOutcome) -> list[str]:
     return lines
 
 
+def check_report_name(path: Path) -> None:
+    """Complain about a name that ends neither in .png nor in .html.
+
+    Raises:
+        OptionError: it does.
+    """
+    if path.suffix.lower() not in (".png", ".html", ".htm"):
+        raise OptionError(f"{path}: a report is a .png or an .html file.", "Choose one of these endings.")
+
+
 def write_report(outcome: CalibrationOutcome, path: Path) -> None:
     """A picture (.png) or a page (.html) with residuals, coverage, stripes and the table's wobble.
 
@@ -78,8 +88,7 @@ def write_report(outcome: CalibrationOutcome, path: Path) -> None:
         OptionError: the name ends otherwise.
         OutputError: it cannot be written.
     """
-    if path.suffix.lower() not in (".png", ".html", ".htm"):
-        raise OptionError(f"{path}: a report is a .png or an .html file.", "Choose one of these endings.")
+    check_report_name(path)
     picture = _picture(outcome)
     write_whole(path, picture if path.suffix.lower() == ".png" else _page(outcome, picture))
 

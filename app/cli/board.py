@@ -7,7 +7,7 @@ import typer
 
 from app.calibration.board_print import print_board, print_platter
 from app.calibration.page import Paper
-from app.cli.console import say
+from app.cli.console import check_output, say
 from app.cli.words import board_from, platter_from
 
 _Out = Annotated[Path, typer.Option("-o", "--output", help="A .pdf or .svg file.")]
@@ -27,6 +27,7 @@ def board_command(
     paper: _PaperSize = "a4",
 ) -> None:
     """Print a calibration board at exact scale, with a ruler to check the printer by."""
+    check_output(output)
     spec = board_from(board)
     print_board(spec, output, paper)
     say([f"{output}: {board}.", _RULER])
@@ -41,5 +42,6 @@ def platter_command(
     paper: _PaperSize = "a4",
 ) -> None:
     """Print markers to glue on the table: they tell the true angle of every frame."""
+    check_output(output)
     print_platter(platter_from(markers), diameter, output, paper)
     say([f"{output}: {markers}.", _RULER])

@@ -9,8 +9,8 @@ import typer
 
 from app.calibration.calibrate import CalibrationPlan, calibrate
 from app.calibration.camera_file import load_camera
-from app.calibration.report import report_lines, write_report
-from app.cli.console import progress_bar, say, warn
+from app.calibration.report import check_report_name, report_lines, write_report
+from app.cli.console import check_output, progress_bar, say, warn
 from app.cli.table_height import with_table
 from app.errors import OptionError
 from app.recording.reader import Recording
@@ -63,12 +63,15 @@ def calibrate_command(
     plan = CalibrationPlan(
         method.value, axis.value, None if intrinsics is None else load_camera(intrinsics), not no_distortion
     )
+    written = report if report is not None else output.with_suffix(".html")
+    check_report_name(written)
+    for path in (output, written):
+        check_output(path)
     finder = STRIPE_DETECTORS.make(name)
     opened = [Recording.open(path) for path in recordings]
     with progress_bar() as show:
         outcome = calibrate(opened, finder, plan, show)
         outcome = replace(outcome, record=with_table(outcome.record, opened, show))
-    written = report if report is not None else output.with_suffix(".html")
     outcome.record.save(output)
     write_report(outcome, written)
     say(report_lines(outcome))

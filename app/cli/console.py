@@ -1,7 +1,9 @@
 """What every command says goes to standard error, so that results can go to standard output."""
 
+import os
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Protocol
 
 from rich.console import Console
@@ -13,6 +15,8 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+
+from app.errors import OutputError
 
 console = Console(stderr=True, highlight=False)
 
@@ -62,3 +66,18 @@ def warn(texts: Iterable[str], *, is_doubt: bool = False) -> None:
     for text in texts:
         console.print(word, style=style, end=" ", soft_wrap=True)
         console.print(text, markup=False, soft_wrap=True)
+
+
+def check_output(path: Path) -> None:
+    """Complain before the work rather than after it.
+
+    Raises:
+        OutputError: the folder of a result is not there or cannot be written.
+    """
+    folder = path.parent
+    if not folder.is_dir():
+        raise OutputError(str(path), f"the folder {folder} is not there", "Make it, or name another place.")
+    if path.is_dir():
+        raise OutputError(str(path), "is a folder", "Name a file.")
+    if not os.access(folder, os.W_OK):
+        raise OutputError(str(path), f"the folder {folder} cannot be written", "Name another place.")

@@ -2,7 +2,6 @@
 
 import sys
 
-import click
 import typer
 
 from app.cli.board import board_command, platter_command
@@ -14,7 +13,11 @@ from app.cli.reconstruct import reconstruct_command
 from app.cli.simulate import simulate_command
 from app.errors import ScannerError
 
-_INTERRUPTED = 2
+_INTERRUPTED = _USAGE = 2
+# Typer shows the base of its usage errors nowhere else.
+_UsageError: type[Exception] = next(
+    kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException"
+)
 
 app = typer.Typer(
     name="turnscan",
@@ -46,10 +49,14 @@ def run(arguments: list[str]) -> int:
         if error.hint:
             console.print(_plain(error.hint), soft_wrap=True)
         return error.exit_code
-    except click.ClickException as error:
-        error.show()
-        return error.exit_code
-    except (KeyboardInterrupt, click.Abort):
+    except _UsageError as error:
+        if not str(error):
+            # The help has been shown in place of an error.
+            return 0
+        console.print(f"[bold red]Error:[/] {_plain(str(error))}.", soft_wrap=True)
+        console.print("See `turnscan --help`, or --help of the command.", soft_wrap=True)
+        return _USAGE
+    except (KeyboardInterrupt, typer.Abort):
         console.print("[bold red]Stopped[/] before the end: no result was written. Run the command again.")
         return _INTERRUPTED
     return code if isinstance(code, int) else 0

@@ -8,7 +8,7 @@ import typer
 
 from app.calibration.platter_file import layout_of
 from app.calibration.record import CalibrationRecord
-from app.cli.console import progress_bar, say, warn
+from app.cli.console import check_output, progress_bar, say, warn
 from app.cli.reconstruction_lines import reconstruction_lines
 from app.errors import OptionError
 from app.recording.reader import Recording
@@ -47,6 +47,10 @@ def reconstruct_command(
     """Turn a recording into a point cloud."""
     if output != _STREAM and output.suffix.lower() != ".ply":
         raise OptionError(f"{output}: a cloud is written as .ply.", "Name a .ply file, or - for a stream.")
+    picture = preview if preview is not None or output == _STREAM else output.with_suffix(".png")
+    for path in (output, picture):
+        if path is not None and path != _STREAM:
+            check_output(path)
     record = CalibrationRecord.load(calibration)
     rig = record.rig
     usual = default_region(rig)
@@ -72,7 +76,6 @@ def reconstruct_command(
             ply.append(profile.cloud)
             painter.add(profile.cloud)
             show("Reconstructing", number, max(total, number), f"{ply.points:,} points")
-    picture = preview if preview is not None or output == _STREAM else output.with_suffix(".png")
     if picture is not None:
         painter.write(picture)
     report = run.report()
