@@ -28,8 +28,8 @@ from app.vision.stripe import LaserStripe
 
 # A stripe shorter than this, in every frame, is no stripe.
 _SHORTEST_STRIPE = 8
-_TABLE_POINTS = 200_000
-_COMPARED_POINTS = 120_000
+_TABLE_POINTS = 100_000
+_COMPARED_POINTS = 60_000
 _MISPLACED_PX = 1.5
 _DISAGREEMENT_MM = 0.15
 _SKIPPED_TOLD = 3

@@ -35,7 +35,7 @@ class PreviewPainter:
         limit: points that are kept at most; the memory this takes does not grow with the cloud.
     """
 
-    def __init__(self, limit: int = 800_000) -> None:
+    def __init__(self, limit: int = 400_000) -> None:
         self.limit = limit
         self._points = 0
         self._stride = 1
