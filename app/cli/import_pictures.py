@@ -10,6 +10,7 @@ from app.cli.console import progress_bar, say
 from app.cli.words import board_from, lasers_from, platter_from
 from app.recording.import_frames import import_pictures
 from app.recording.import_plan import ImportPlan
+from app.recording.reader import Recording
 from app.recording.shot import Role
 
 
@@ -54,9 +55,12 @@ def import_command(
     Where nothing says how far the table turned, the length of a turn is found in the pictures.
     """
     lit = tuple(() if part == "off" else tuple(part.split("+")) for part in pattern.split(",") if part)
+    lasers = lasers_from(laser or [])
+    if add and not lasers and out.is_dir():
+        lasers = dict(Recording.open(out).lasers)
     plan = ImportPlan(
         role=role,
-        lasers=lasers_from(laser or []),
+        lasers=lasers,
         pattern=lit,
         step_deg=step,
         turns=turns,
