@@ -13,7 +13,6 @@ from app.cli.reconstruction_lines import reconstruction_lines
 from app.errors import OptionError
 from app.recording.reader import Recording
 from app.scanning.reconstruct import ReconstructionOptions
-from app.scanning.region import Region, default_region
 from app.scanning.sources import reconstruct_recording, scan_detector
 from app.surface.ply import PlyWriter
 from app.surface.preview import PreviewPainter
@@ -53,14 +52,10 @@ def reconstruct_command(
             check_output(path)
     record = CalibrationRecord.load(calibration)
     rig = record.rig
-    usual = default_region(rig)
-    region = Region(
-        usual.radius_mm if radius is None else radius,
-        usual.lowest_mm if above is None else above,
-        usual.highest_mm if below is None else below,
-    )
     options = ReconstructionOptions(
-        region=region,
+        radius_mm=radius,
+        above_mm=above,
+        below_mm=below,
         min_quality=min_quality,
         uses_markers=not no_markers,
         skips_bad_frames=skip_bad_frames,

@@ -14,7 +14,6 @@ from app.recording.reader import Recording
 from app.recording.shot import Role
 from app.scanning.find_table import find_table
 from app.scanning.reconstruct import ReconstructionOptions
-from app.scanning.region import Region, default_region
 from app.scanning.sources import reconstruct_recording, scan_detector
 
 _STOPS = 36
@@ -63,9 +62,7 @@ def _as_scan(entry: FrameEntry) -> FrameEntry:
 
 def _height(record: CalibrationRecord, recording: Recording, show: ShowProgress) -> float:
     rig = record.rig
-    options = ReconstructionOptions(
-        region=Region(default_region(rig).radius_mm), with_colour=False, skips_bad_frames=True
-    )
+    options = ReconstructionOptions(above_mm=float("-inf"), with_colour=False, skips_bad_frames=True)
     points = [np.zeros((0, 3), np.float32)]
     try:
         run = reconstruct_recording(recording, rig, scan_detector(), options)

@@ -40,8 +40,8 @@ class ReconstructionOptions:
     """How a recording becomes points.
 
     Attributes:
-        region: what is kept; None for half the camera's distance about the axis, from just below the table.
-        above_mm: height above the table below which nothing is kept, instead of the region's.
+        radius_mm: points further from the axis are left out; None for what `default_region` says.
+        above_mm, below_mm: heights over the table between which points are kept; None likewise.
         min_quality: points of lower quality are left out.
         shortest_piece: unbroken pieces of stripe with fewer points than this are taken for noise.
         with_colour: colour pictures are decoded and used.
@@ -51,8 +51,9 @@ class ReconstructionOptions:
         ahead: how many stops may wait for their turn; 0 for a live scan.
     """
 
-    region: Region | None = None
+    radius_mm: float | None = None
     above_mm: float | None = None
+    below_mm: float | None = None
     min_quality: float = 0.0
     shortest_piece: int = 5
     with_colour: bool = True

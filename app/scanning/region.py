@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from app.geometry.platter import MarkerLayout
 from app.geometry.rig import Rig
 
 # An object wider than the camera is far away would not fit into the picture.
 _RADIUS_PER_DISTANCE = 0.5
+_RADIUS_PER_MARKER = 1.25
 # The table's own surface is kept, noise and all; what hangs below it is not.
 _BELOW_TABLE_MM = 5.0
 
@@ -38,8 +40,15 @@ class Region:
         return near
 
 
-def default_region(rig: Rig) -> Region:
-    """Half as wide as the camera is far from the axis; from just below the table, where that is known."""
+def default_region(rig: Rig, layout: MarkerLayout | None = None) -> Region:
+    """Half as wide as the camera is far from the axis; from just below the table, where that is known.
+
+    Where markers lie on the table, they tell how large it is: a quarter more than the furthest of them.
+    """
     distance_mm = float(np.linalg.norm(np.cross(rig.axis.point_mm, rig.axis.direction)))
     lowest = -_BELOW_TABLE_MM if np.isfinite(rig.axis.offset_mm) else float("-inf")
-    return Region(_RADIUS_PER_DISTANCE * distance_mm, lowest)
+    radius = _RADIUS_PER_DISTANCE * distance_mm
+    if layout:
+        furthest = max(float(np.hypot(corners[:, 0], corners[:, 1]).max()) for corners in layout.values())
+        radius = min(radius, _RADIUS_PER_MARKER * furthest)
+    return Region(radius, lowest)

@@ -75,7 +75,7 @@ def reconstruct_recording(
     direction = 1.0 if recording.turn_rad(1.0) > 0.0 else -1.0
     angles = AngleReader(rig, layout or {}, _nominal(recording, stops), offset, direction)
     return Reconstruction(
-        stops, loader.load, observer, angles, _region(rig, options),
+        stops, loader.load, observer, angles, _region(rig, options, layout),
         options, total=len(stops), tables=tuple(tables), warnings=tuple(warnings),
     )  # fmt: skip
 
@@ -105,7 +105,7 @@ def reconstruct_shots(
     used = platter if options.uses_markers and layout else None
     return Reconstruction(
         stops_of_shots(shots, turn_rad), _as_they_are, observer_for(rig, detector, colours, used),
-        AngleReader(rig, (layout or {}) if used else {}), _region(rig, options), options,
+        AngleReader(rig, (layout or {}) if used else {}), _region(rig, options, layout), options,
     )  # fmt: skip
 
 
@@ -113,9 +113,13 @@ def _as_they_are(stop: Stop[Shot]) -> Stop[Shot]:
     return stop
 
 
-def _region(rig: Rig, options: ReconstructionOptions) -> Region:
-    region = options.region or default_region(rig)
-    return region if options.above_mm is None else replace(region, lowest_mm=options.above_mm)
+def _region(rig: Rig, options: ReconstructionOptions, layout: MarkerLayout | None) -> Region:
+    usual = default_region(rig, layout)
+    return Region(
+        usual.radius_mm if options.radius_mm is None else options.radius_mm,
+        usual.lowest_mm if options.above_mm is None else options.above_mm,
+        usual.highest_mm if options.below_mm is None else options.below_mm,
+    )
 
 
 def _check_fits(recording: Recording, rig: Rig) -> None:

@@ -13,7 +13,6 @@ from app.recording.simulated import simulate_recording
 from app.recording.simulated_plan import SimulationPlan
 from app.scanning.profile import Profile
 from app.scanning.reconstruct import ReconstructionOptions
-from app.scanning.region import Region
 from app.scanning.sources import reconstruct_recording, reconstruct_shots, scan_detector
 from app.simulation.rig import standard_rig
 
@@ -112,7 +111,7 @@ def test_a_camera_that_was_moved_is_noticed_by_the_markers(small_scan: SmallScan
 
 def test_the_region_bounds_the_cloud(small_scan: SmallScan) -> None:
     rig = small_scan.plan.scanner.rig
-    options = ReconstructionOptions(region=Region(25.0, 5.0, 40.0))
+    options = ReconstructionOptions(radius_mm=25.0, above_mm=5.0, below_mm=40.0)
     run = reconstruct_recording(small_scan.recording, rig, scan_detector(), options)
     cloud = joined(run)
     assert np.hypot(cloud.points[:, 0], cloud.points[:, 1]).max() <= 25.0

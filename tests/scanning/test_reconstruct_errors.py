@@ -14,7 +14,6 @@ from app.errors import FrameError, ReconstructionError
 from app.geometry.camera import CameraIntrinsics
 from app.recording.reader import Recording
 from app.scanning.reconstruct import Reconstruction, ReconstructionOptions
-from app.scanning.region import Region
 from app.scanning.sources import reconstruct_recording, scan_detector
 
 STOPS = 4
@@ -89,7 +88,7 @@ def test_a_frame_cut_short_ends_the_run_or_is_skipped(small_scan: SmallScan, tmp
 
 def test_a_region_beside_everything_is_an_error(small_scan: SmallScan) -> None:
     with pytest.raises(ReconstructionError, match="None of the"):
-        list(rebuild(small_scan, small_scan.recording, region=Region(50.0, 200.0, 300.0)))
+        list(rebuild(small_scan, small_scan.recording, above_mm=200.0))
 
 
 def test_a_recording_without_scan_frames_is_named(small_scan: SmallScan, tmp_path: Path) -> None:
