@@ -194,6 +194,11 @@ def _joint(
             f"The views leave {found.expected_error_mm:.2f} mm of doubt at the object: add views of the "
             "board on the table in a second place, and at more angles."
         )
+    if found.has_axis and found.rig.lasers and not np.isfinite(found.expected_error_mm):
+        doubts.append(
+            "No laser plane passes near the axis where the picture shows it, so an object on the table would "
+            "not be measured: aim the laser at the axis, or take views that determine its plane better."
+        )
     if found.axis_rms_mm > _WOBBLE_MM:
         doubts.append(
             f"The board or the markers miss their circles by {found.axis_rms_mm:.2f} mm: they moved on the "

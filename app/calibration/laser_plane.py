@@ -12,6 +12,7 @@ from app.geometry.plane import LaserPlane, fit_plane, fit_plane_robust
 _OBJECT_DEPTH_MM = 50.0
 _TOLERATED_MM = 0.2
 _FEWEST_POSES = 3
+_POINTS_OF_POSE = 400
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,7 +42,8 @@ def solve_laser_plane(laser: str, poses: Sequence[Points], *, robust: bool = Tru
     Args:
         laser: its name, for messages.
         poses: for each board pose (N, 3) points in the camera frame, mm.
-        robust: throw away points that do not lie with the majority (the paper does not).
+        robust: throw away points that do not lie with the majority (the paper does not), and let every pose
+            count the same. Of two poses neither is the majority, so all their points are used.
 
     Raises:
         CalibrationError: fewer than two poses show the laser, or all its points lie on one line.
@@ -52,13 +54,14 @@ def solve_laser_plane(laser: str, poses: Sequence[Points], *, robust: bool = Tru
             f"The laser {laser!r} was seen on the board in {seen}; its plane needs two at the very least.",
             "Take views with the stripe across the board, at several distances.",
         )
-    points = np.concatenate(poses)
     try:
-        fit = fit_plane_robust(points) if robust else fit_plane(points)
+        if robust and len(poses) >= _FEWEST_POSES:
+            fit = fit_plane_robust(_evened(poses))
+        else:
+            fit = fit_plane(np.concatenate(poses))
     except ValueError as error:
         raise CalibrationError(f"The plane of laser {laser!r} cannot be fitted: {error}.") from error
-    owner = np.repeat(np.arange(len(poses)), [len(p) for p in poses])
-    pose_rms = np.array([np.sqrt(np.mean(fit.residuals[owner == k] ** 2)) for k in range(len(poses))])
+    pose_rms = np.array([np.sqrt(np.mean(fit.plane.signed_distance(points) ** 2)) for points in poses])
     # The points of one pose share its error, so poses are counted, not points.
     tilt_rad = fit.rms_mm / max(fit.spread_mm[1], 1e-9) / np.sqrt(len(poses))
     predicted_mm = float(np.hypot(fit.rms_mm / np.sqrt(len(poses)), tilt_rad * _OBJECT_DEPTH_MM))
@@ -82,3 +85,10 @@ def solve_laser_plane(laser: str, poses: Sequence[Points], *, robust: bool = Tru
         predicted_mm,
         tuple(warnings),
     )
+
+
+def _evened(poses: Sequence[Points]) -> Points:
+    """As many points of every pose: all points of one pose lie in its board's plane as well, and a pose
+    with more than half of all points would pass that for the laser's."""
+    count = min(max(len(points) for points in poses), _POINTS_OF_POSE)
+    return np.concatenate([p[np.linspace(0, len(p) - 1, count).astype(np.intp)] for p in poses])
