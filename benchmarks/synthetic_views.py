@@ -8,7 +8,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 
+from app.calibration.platter import marker_points
 from app.calibration.views import Evidence, View
 from app.geometry.arrays import Floats, Pixels, Points, Vector3
 from app.geometry.axis import TurntableAxis
@@ -18,14 +20,21 @@ from app.geometry.rig import Rig
 from app.geometry.transform import RigidTransform, rotation_about, rotation_from_rvec
 from app.recording.shot import Role
 from app.vision.board import BoardObservation, BoardSpec
-from app.vision.markers import MarkerObservation
+from app.vision.markers import MarkerObservation, PlatterSpec
 from app.vision.stripe import LaserStripe
 
 BOARD = BoardSpec("chessboard", 9, 6, 10.0)
+PLATTER = PlatterSpec("DICT_4X4_50", 20.0, (3, 7, 11, 12))
+SHEET = np.array([[30.0, 24.0, 0.3], [-28.0, 31.0, 1.8], [-33.0, -26.0, -0.7], [29.0, -32.0, 3.0]])
+"""Where the markers truly lie: x mm, y mm, rotation rad in the table frame."""
+
+_TABLE_RADIUS_MM = 70.0
+_NO_BOARD = BoardObservation(np.zeros(0, np.intp), np.zeros((0, 2)), np.zeros((0, 3)))
+_NO_MARKERS = MarkerObservation(np.zeros(0, np.intp), np.zeros((0, 4, 2)))
 
 
 def typical_rig(lasers: int = 1, distortion: Sequence[float] = (-0.12, 0.05, 0.0005, -0.0004, 0.0)) -> Rig:
-    """f = 1400 px, object at 300 mm, lasers 30 degrees beside the camera, table seen 25 degrees from above."""
+    """f = 1400 px, object at 300 mm, lasers 30 degrees beside the camera, which looks down by 25 degrees."""
     matrix = np.array([[1400.0, 0.0, 639.5], [0.0, 1400.0, 359.5], [0.0, 0.0, 1.0]])
     camera = CameraIntrinsics(matrix, np.array(distortion), (1280, 720))
     tilt = np.radians(25.0)
@@ -55,10 +64,12 @@ class SyntheticViews:
     rng: np.random.Generator
     noise: Noise = field(default_factory=Noise)
     views: list[View] = field(default_factory=list)
+    board: BoardSpec = BOARD
+    jitter_deg: float = 0.14
 
     def free_boards(self, count: int, *, role: Role = Role.INTRINSICS) -> None:
         """Boards held in the hand, tilted, near and far, all over the picture."""
-        middle = BOARD.points().mean(axis=0)
+        middle = self.board.points().mean(axis=0)
         while count:
             rvec = self.rng.normal(size=3) * [0.45, 0.45, 0.3]
             depth = self.rng.uniform(240.0, 380.0)
@@ -80,11 +91,11 @@ class SyntheticViews:
         towards = axis.camera_from_table.rotation[:, 0]
         x, y, z = np.cross(axis.direction, towards), axis.direction, towards
         rotation = turn @ np.column_stack([x, y, z])
-        middle = BOARD.points().mean(axis=0)
+        middle = self.board.points().mean(axis=0)
         centre = axis.origin + 40.0 * axis.direction + turn @ (beside_mm * towards)
         upright = RigidTransform(rotation, centre - rotation @ middle)
         for angle_deg in angles_deg:
-            angle = np.radians(angle_deg + self.rng.normal() * 0.14)
+            angle = np.radians(angle_deg + self.rng.normal() * self.jitter_deg)
             turned = rotation_about(axis.direction, angle)
             pose = RigidTransform(
                 turned @ upright.rotation,
@@ -92,43 +103,79 @@ class SyntheticViews:
             )
             self._add(pose, Role.AXIS, str(number), np.radians(angle_deg))
 
+    def markers(self, angles_deg: Sequence[float], true_deg: Sequence[float], marker_mm: float) -> None:
+        """The bare table with its markers, at several angles, each laser on in turn.
+
+        Args:
+            angles_deg: as commanded.
+            true_deg: where the table really stands.
+            marker_mm: the side that was really printed.
+        """
+        still = self.rig.axis.camera_from_table
+        corners = marker_points(SHEET, marker_mm)
+        for commanded, true in zip(angles_deg, true_deg, strict=True):
+            turn = rotation_about(np.array([0.0, 0.0, 1.0]), float(np.radians(true)))
+            pose = still @ RigidTransform(turn, np.zeros(3))
+            seen = self.rig.camera.project(pose @ corners.reshape(-1, 3))
+            seen = seen + self.rng.normal(size=seen.shape) * self.noise.corner_px
+            inside = _inside(seen, self.rig.camera.size).reshape(-1, 4).all(axis=1)
+            reach = np.full(2, _TABLE_RADIUS_MM)
+            self._append(
+                Role.SCAN,
+                "",
+                float(np.radians(commanded)),
+                _NO_BOARD,
+                MarkerObservation(np.array(PLATTER.ids)[inside], seen.reshape(-1, 4, 2)[inside]),
+                self._stripes(pose, -reach, reach),
+            )
+
     def evidence(self) -> Evidence:
+        is_marked = any(view.markers.is_found for view in self.views)
         return Evidence(
-            self.rig.camera.size, tuple(self.rig.lasers), BOARD, None, tuple(self.views)
-        )  # fmt: skip
+            self.rig.camera.size,
+            tuple(self.rig.lasers),
+            self.board,
+            PLATTER if is_marked else None,
+            tuple(self.views),
+        )
 
     def _add(self, pose: RigidTransform, role: Role, placement: str, angle_rad: float) -> bool:
-        points = BOARD.points()
+        points = self.board.points()
         corners = self.rig.camera.project(pose @ points)
         if not _inside(corners, self.rig.camera.size).all():
             return False
         corners = corners + self.rng.normal(size=corners.shape) * self.noise.corner_px
         stripes = {}
         if role is not Role.INTRINSICS:
-            for name, plane in self.rig.lasers.items():
-                stripe = self._stripe(pose, plane)
-                if len(stripe):
-                    stripes[name] = stripe
-        self.views.append(
-            View(
-                f"{role.value}-{len(self.views):03d}",
-                role,
-                placement,
-                angle_rad,
-                BoardObservation(np.arange(len(points)), corners, points),
-                MarkerObservation(np.zeros(0, np.intp), np.zeros((0, 4, 2))),
-                stripes,
-            )
-        )
+            # A margin of one square carries the stripe too.
+            edge = points[:, :2].min(axis=0) - 10.0, points[:, :2].max(axis=0) + 10.0
+            stripes = self._stripes(pose, *edge)
+        seen = BoardObservation(np.arange(len(points)), corners, points)
+        self._append(role, placement, angle_rad, seen, _NO_MARKERS, stripes)
         return True
 
-    def _stripe(self, pose: RigidTransform, plane: LaserPlane) -> LaserStripe:
-        """Stripe on the board and its margin of one square, once in every row."""
+    def _append(
+        self,
+        role: Role,
+        placement: str,
+        angle_rad: float,
+        board: BoardObservation,
+        markers: MarkerObservation,
+        stripes: dict[str, LaserStripe],
+    ) -> None:
+        name = f"{role.value}-{len(self.views):03d}"
+        self.views.append(View(name, role, placement, angle_rad, board, markers, stripes))
+
+    def _stripes(self, pose: RigidTransform, low: Floats, high: Floats) -> dict[str, LaserStripe]:
+        found = {name: self._stripe(pose, plane, low, high) for name, plane in self.rig.lasers.items()}
+        return {name: stripe for name, stripe in found.items() if len(stripe)}
+
+    def _stripe(self, pose: RigidTransform, plane: LaserPlane, low: Floats, high: Floats) -> LaserStripe:
+        """Stripe on a flat thing between two of its corners, once in every row."""
         line_point, line_direction = _meeting_line(plane, pose)
         dense = line_point + np.linspace(-200.0, 200.0, 20001)[:, None] * line_direction
-        on_board = pose.inverse() @ dense
-        low, high = BOARD.points()[:, :2].min(axis=0) - 10.0, BOARD.points()[:, :2].max(axis=0) + 10.0
-        dense = dense[np.all((on_board[:, :2] > low) & (on_board[:, :2] < high), axis=1)]
+        on_body = pose.inverse() @ dense
+        dense = dense[np.all((on_body[:, :2] > low) & (on_body[:, :2] < high), axis=1)]
         if len(dense) < 100:
             return LaserStripe.empty()
         pixels = self.rig.camera.project(dense)
@@ -153,12 +200,14 @@ def stripe_from(columns: Floats, rows: Floats, sigma_px: float, rng: np.random.G
     )
 
 
-def surface_error_mm(truth: Rig, found: Rig, radius_mm: float = 50.0) -> float:
+def surface_error_mm(
+    truth: Rig, found: Rig, radius_mm: float = 50.0, *, is_aligned: bool = True
+) -> float:
     """RMS, across the surface, of a cylinder about the true axis as the found rig scans it.
 
     The cylinder's stripes are seen by the true rig without noise; the found rig triangulates them, turns
     them about its own axis through the whole circle, and the result is compared with the true cylinder
-    after the best rigid alignment (where the scan frame lies is no error of the surface).
+    after the best rigid alignment (where the scan frame lies is no error of the surface), or without it.
     """
     from app.calibration.error_budget import object_pixels
 
@@ -170,7 +219,7 @@ def surface_error_mm(truth: Rig, found: Rig, radius_mm: float = 50.0) -> float:
             theirs.append(truth.triangulate(pixels, laser, angle))
             ours.append(found.triangulate(pixels, laser, angle))
     true, seen = np.concatenate(theirs), np.concatenate(ours)
-    aligned = _aligned(seen, true)
+    aligned = _aligned(seen, true) if is_aligned else seen
     normal = true.copy()
     normal[:, 2] = 0.0
     normal /= np.linalg.norm(normal, axis=1)[:, None]
@@ -186,8 +235,9 @@ def _aligned(points: Points, target: Points) -> Points:
     return moved
 
 
-def _inside(pixels: Pixels, size: tuple[int, int]) -> np.ndarray:
-    return np.all((pixels > 2.0) & (pixels < np.array(size) - 3.0), axis=1)
+def _inside(pixels: Pixels, size: tuple[int, int]) -> NDArray[np.bool_]:
+    inside: NDArray[np.bool_] = np.all((pixels > 2.0) & (pixels < np.array(size) - 3.0), axis=1)
+    return inside
 
 
 def _meeting_line(plane: LaserPlane, pose: RigidTransform) -> tuple[Vector3, Vector3]:
