@@ -225,3 +225,23 @@ def test_background_stripes_are_left_out(tmp_path: Path) -> None:
     on_table, on_ball = everything.points[:, 2] < 0.5, everything.points[:, 2] > 5.0
     assert (kept.points[:, 2] < 0.5).sum() < 0.1 * on_table.sum()
     assert (kept.points[:, 2] > 5.0).sum() > 0.98 * on_ball.sum()
+
+
+def test_a_table_that_turns_steadily_and_clockwise_gives_the_ball_too(tmp_path: Path) -> None:
+    plan = SimulationPlan(
+        scanner=standard_rig(480, 270, stripe_sigma_px=1.2),
+        parts=("scan",),
+        steps=12,
+        seconds_per_turn=24.0,
+        lasers=("left",),
+        direction="cw",
+    )
+    recording = simulate_recording(tmp_path / "scan", plan)
+    run = reconstruct_recording(recording, plan.scanner.rig, scan_detector())
+    cloud = joined(run)
+    centre = plan.table_from_item.translation + np.array([0.0, 0.0, 30.0])
+    ball = cloud.points[cloud.points[:, 2] > 2.0]
+    off = np.linalg.norm(ball - centre, axis=1) - 30.0
+    assert np.sqrt(np.mean(off**2)) < 0.15
+    assert run.report().angles.source == "constant speed"
+    assert run.total == 12
