@@ -421,23 +421,23 @@ def expose(
     count = lasers.shape[0]
     per_electron = np.float32(1.0 / electrons_per_grey)
     read = np.float32(read_variance)
-    light = np.zeros(channels, np.float32)
+    half, black, white = np.float32(0.5), np.float32(0.0), np.float32(255.0)
     for v in range(height):
         for u in range(width):
             bits = _random(seed, v * width + u)
-            for c in range(channels):
-                light[c] = ambient[v, u, c]
+            is_lit = False
             for n in range(count):
-                laser = lasers[n, v, u]
-                if laser > 0.0:
-                    grain = speckle_levels[_random(seed, (n + 1) * height * width + v * width + u) & _LOW_16]
-                    for c in range(channels):
-                        light[c] += laser * grain * tints[n, c]
+                is_lit |= lasers[n, v, u] > 0.0
             for c in range(channels):
-                spread = np.float32(math.sqrt(light[c] * per_electron + read))
-                grey = light[c] + spread * normal_levels[bits & _LOW_16] + np.float32(0.5)
+                grey = ambient[v, u, c]
+                if is_lit:
+                    for n in range(count):
+                        number = ((n + 1) * height + v) * width + u
+                        grain = speckle_levels[_random(seed, number) & _LOW_16]
+                        grey += lasers[n, v, u] * grain * tints[n, c]
+                grey += math.sqrt(grey * per_electron + read) * normal_levels[bits & _LOW_16] + half
                 bits >>= np.uint64(16)
-                image[v, u, c] = np.uint8(min(max(grey, np.float32(0.0)), np.float32(255.0)))
+                image[v, u, c] = np.uint8(np.int32(min(max(grey, black), white)))
 
 
 @njit(nogil=True, cache=True)
