@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from app.calibration.bundle import State
 from app.calibration.error_budget import expected_error_mm
 from app.calibration.outcome import ViewResidual
 from app.calibration.platter import marker_points
+from app.calibration.platter_file import platter_entry
 from app.calibration.problem import Problem, pose_problem
 from app.calibration.projection import camera_from_vector
 from app.calibration.solver import Solution, solve
@@ -238,3 +240,24 @@ def _view_residuals(problem: Problem, solution: Solution, off_mm: Floats) -> tup
             )
         )
     return tuple(out)
+
+
+def joint_extra(found: JointResult) -> dict[str, Any]:
+    """What the calibration file keeps of it beside the rig."""
+    extra: dict[str, Any] = {
+        "chi": found.chi,
+        "camera": {"sigma": found.camera_sigma.tolist()},
+        "views": [
+            {
+                "file": view.name,
+                "role": view.role.value,
+                **({"corner_px": view.corner_px} if np.isfinite(view.corner_px) else {}),
+                **({"stripe_px": dict(view.stripe_px)} if view.stripe_px else {}),
+                **({"angle_deg": view.angle_deg} if np.isfinite(view.angle_deg) else {}),
+            }
+            for view in found.views
+        ],
+    }
+    if found.layout:
+        extra["platter"] = platter_entry(found.layout, found.marker_mm)
+    return extra

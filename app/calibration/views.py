@@ -8,6 +8,7 @@ from typing import TypeVar, get_args
 
 import numpy as np
 
+from app.calibration.coverage import Coverage
 from app.errors import CalibrationError, FrameError
 from app.recording.manifest import FrameEntry
 from app.recording.reader import Recording
@@ -77,6 +78,10 @@ class Evidence:
     platter: PlatterSpec | None
     views: tuple[View, ...]
     skipped: tuple[tuple[str, str], ...] = field(default=())
+
+    def coverage(self) -> Coverage:
+        """Where in the picture the board's corners were."""
+        return Coverage.of([view.board.corners for view in self.views if view.board.is_found], self.size)
 
 
 @dataclass(frozen=True, slots=True)

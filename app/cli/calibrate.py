@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from app.calibration.calibrate import CalibrationPlan, calibrate
+from app.calibration.calibrate import calibrate
 from app.calibration.camera_file import load_camera
+from app.calibration.plan import CalibrationPlan
 from app.calibration.report import check_report_name, report_lines, write_report
 from app.cli.console import check_output, progress_bar, say, warn
 from app.cli.table_height import with_table
