@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from app.calibration.camera_start import StartCamera, start_camera
-from app.calibration.joint import joint_extra
+from app.calibration.joint import joint_extra, solve_joint
 from app.calibration.outcome import CalibrationOutcome
 from app.calibration.paper import paper_outcome
 from app.calibration.plan import CalibrationPlan
