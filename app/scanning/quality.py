@@ -31,8 +31,7 @@ def quality_of(part: Slice, normals: NDArray[np.float32]) -> NDArray[np.float32]
         usual = _USUAL_WIDTH_RATIO * float(np.median(stripe.width))
         quality *= np.minimum(1.0, usual / np.maximum(stripe.width, 1e-6)) ** 2
     view = part.camera - part.points
-    view /= np.linalg.norm(view, axis=1, keepdims=True)
-    cosine = np.sum(view * normals, axis=1)
-    is_known = np.any(normals != 0.0, axis=1)
+    cosine = np.einsum("ij,ij->i", view, normals) / np.sqrt(np.einsum("ij,ij->i", view, view))
+    is_known = np.einsum("ij,ij->i", normals, normals) > 0.0
     quality *= np.where(is_known, np.clip(cosine / _STEEP_COSINE, 0.0, 1.0), _UNKNOWN_NORMAL)
     return quality.astype(np.float32)
