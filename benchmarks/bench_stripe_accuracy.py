@@ -52,7 +52,7 @@ def detected(detector: str, scene: Scene, seed: int) -> LaserStripe:
 
 
 def wrong_at_steps(smooth_rows: int, seeds: int = _SEEDS) -> tuple[int, int]:
-    """How many points within four lines of a step in depth are off by more than 1 px, and how many are there."""
+    """How many points within four lines of a step in depth are off by more than 1 px, of how many."""
     detector = STRIPE_DETECTORS.make("zero-crossing", smooth_rows=smooth_rows)
     wrong = near = 0
     for seed in range(seeds):

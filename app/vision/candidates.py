@@ -19,12 +19,14 @@ _LARGEST_SIGMA_PX = 10.0
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Candidates:
-    """Peaks of one picture, in the order of the lines.
+    """Peaks of one picture, stripe after stripe, each in the order of the lines.
 
     Attributes:
         lit, dark: the pictures, rows across the stripe.
+        light: (L, W) how far each pixel rises above its surroundings; unused with a dark partner.
         channel: of a colour picture, the one that sees the laser.
         line: (N,) row number.
+        track: (N,) which of the stripes it belongs to, in the order in which they lie across.
         centre: (N,) middle of the peak at half height, px.
         height: (N,) above the surroundings, grey levels.
         second: (N,) height of the line's next peak as a share of this one, 0..1.
@@ -33,8 +35,10 @@ class Candidates:
 
     lit: Image
     dark: Image | None
+    light: Image
     channel: int
     line: NDArray[np.intp]
+    track: NDArray[np.intp]
     centre: Floats
     height: Floats
     second: Floats
@@ -46,21 +50,25 @@ def find_candidates(view: LaserView, min_strength: float, count: int, kernels: K
     lit, dark = across_lines(view)
     channel = laser_channel(lit, dark, view.colour)
     least = int(np.clip(np.ceil(min_strength), 1, 255))
+    light = lit
     if dark is None:
-        peaks = kernels.find_peaks(*ridge_response(lit, channel, view.colour), least, count)
+        response, light = ridge_response(lit, channel, view.colour)
+        peaks = kernels.find_peaks(response, light, least, count)
     else:
         peaks = kernels.find_peaks_between(lit, dark, channel, least, count)
     is_peak = peaks.height[:, :count] >= max(least, _TEXTURES * peaks.texture)
     line, rank = np.divmod(np.flatnonzero(is_peak), count)
-    height = peaks.height[:, :count]
-    heights = height[line, rank]
+    track = _tracks(line, peaks.centre[line, rank], count)
+    order = np.argsort(track, kind="stable")
+    line, rank, track = line[order], rank[order], track[order]
+    heights = peaks.height[line, rank]
     second = np.minimum(peaks.height[line, count] / heights, 1.0)
     sigmas = peaks.sigma[line, rank]
     # The brighter half knows the width best.
     known = np.isfinite(sigmas) & (heights >= (np.median(heights) if len(heights) else 0.0))
     sigma = float(np.median(sigmas[known])) if known.any() else 1.0
     return Candidates(
-        lit, dark, channel, line, peaks.centre[line, rank], heights, second,
+        lit, dark, light, channel, line, track, peaks.centre[line, rank], heights, second,
         float(np.clip(sigma, 0.5, _LARGEST_SIGMA_PX)),
     )  # fmt: skip
 
@@ -76,7 +84,7 @@ def run_windows(peaks: Candidates) -> tuple[Floats, NDArray[np.intp], NDArray[np
     half = int(np.ceil(5.0 * peaks.sigma)) + 2
     core = int(np.ceil(3.0 * peaks.sigma))
     if peaks.dark is None:
-        windows = twin.cut_windows(peaks.lit, peaks.channel, peaks.line, column, half, core, 2)
+        windows = twin.cut_windows(peaks.lit, peaks.light, peaks.channel, peaks.line, column, half, core, 2)
     else:
         windows = twin.cut_windows_between(
             peaks.lit, peaks.dark, peaks.channel, peaks.line, column, half, core, 0.0
@@ -90,10 +98,13 @@ class Measured:
     """Sub-pixel peaks, one entry for each candidate that is kept.
 
     Attributes:
-        line, across, strength, variance, width, second, saturated: as in `LaserStripe`.
+        line, strength, variance, width, second, saturated: as in `LaserStripe`.
+        track: as in `Candidates`.
+        across: position on the line, px.
     """
 
     line: NDArray[np.intp]
+    track: NDArray[np.intp]
     across: Floats
     strength: Floats
     variance: Floats
@@ -107,12 +118,10 @@ def stripes_of(
 ) -> list[LaserStripe]:
     """Peaks made into `count` stripes, in the order in which they lie across the lines.
 
-    Peaks without neighbours along the stripe are left out. Where a line has fewer peaks than there are
-    stripes, each goes to the stripe that is nearest on the nearest complete line.
+    Peaks without neighbours along the stripe are left out.
     """
-    track = _tracks(found.line, found.across, count)
     return [
-        _stripe(found, np.flatnonzero(track == number), orientation, smooth_rows, measures_noise)
+        _stripe(found, np.flatnonzero(found.track == number), orientation, smooth_rows, measures_noise)
         for number in range(count)
     ]
 
@@ -135,7 +144,11 @@ def _stripe(
 
 
 def _tracks(line: NDArray[np.intp], across: Floats, count: int) -> NDArray[np.intp]:
-    """Which of the stripes (N,) each peak belongs to."""
+    """Which of the stripes (N,) each peak belongs to, numbered across the lines.
+
+    Where a line has fewer peaks than there are stripes, each goes to the stripe that is nearest on the
+    nearest complete line.
+    """
     track = np.zeros(len(line), np.intp)
     if count == 1 or len(line) == 0:
         return track

@@ -1,11 +1,15 @@
 """The stripe's width and the camera's noise, told by the picture itself."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.vision.kernels import Kernels
 from app.vision.kernels.results import Shape, Windows
 
 _LINES = 120
+_FEW = 40
+_SHAPE_REACH = 3.5
+_MISFIT_LIMIT = 6.0
 _ROUNDS = 3
 _LEAST_PIXELS = 300
 # Hardly more than rounding to whole grey levels brings into two pictures.
@@ -14,7 +18,9 @@ _LEAST_VARIANCE = 0.25
 LARGEST_CONTRAST = 0.5
 
 
-def measured_shape(windows: Windows, shape: Shape, kernels: Kernels, is_sigma_known: bool) -> Shape:
+def measured_shape(
+    windows: Windows, steady: NDArray[np.bool_], shape: Shape, kernels: Kernels, is_sigma_known: bool
+) -> Shape:
     """The shape with stripe sigma, speckle contrast, gain and read noise as this picture has them.
 
     A sample of the lines is fitted, and what is left over speaks. The squared residual at a place of
@@ -24,12 +30,16 @@ def measured_shape(windows: Windows, shape: Shape, kernels: Kernels, is_sigma_kn
 
     Args:
         windows: with nothing in `floor`, so that the background's noise is part of the answer.
+        steady: (N,) which of them are stripe beyond doubt; where these are few, all are taken.
         shape: start; returned as it is where the picture has too few lines.
         kernels: that fit.
         is_sigma_known: leaves the sigma alone.
     """
-    lines = len(windows.signal)
-    sample = windows.select(np.arange(0, lines, max(1, lines // _LINES)))
+    lines = np.flatnonzero(steady)
+    if len(lines) < _FEW:
+        lines = np.arange(len(steady))
+    sample = windows.select(lines[:: max(1, len(lines) // _LINES)])
+    sample = sample.select(_well_fitted(sample, shape, kernels))
     for _ in range(_ROUNDS):
         _, fit = kernels.refine(sample, shape, True)
         rest = kernels.leftovers(sample, fit, shape)
@@ -44,3 +54,20 @@ def measured_shape(windows: Windows, shape: Shape, kernels: Kernels, is_sigma_kn
             read_variance=float(max(floor, _LEAST_VARIANCE)),
         )
     return shape
+
+
+def _well_fitted(sample: Windows, shape: Shape, kernels: Kernels) -> NDArray[np.intp]:
+    """Lines that look like most others: clutter that is as bright as a stripe has another shape."""
+    fit, _ = kernels.refine(sample, shape, False)
+    half = sample.signal.shape[1] // 2
+    distance = np.arange(-half, half + 1) - fit.offset[:, None]
+    model = fit.amplitude[:, None] * np.exp(-(distance**2) / (2.0 * shape.sigma**2))
+    inside = sample.usable & (np.abs(distance) <= _SHAPE_REACH * shape.sigma)
+    misfit = np.where(inside, (sample.signal - model) ** 2, 0.0).sum(axis=1)
+    misfit /= np.maximum(fit.amplitude, 1.0) ** 2
+    known = misfit[fit.is_found]
+    if len(known) == 0:
+        return np.zeros(0, np.intp)
+    # The lower quartile, since the better half of a picture may be the smaller one.
+    limit = _MISFIT_LIMIT * float(np.partition(known, len(known) // 4)[len(known) // 4])
+    return np.flatnonzero(fit.is_found & (misfit <= limit))

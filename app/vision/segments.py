@@ -14,7 +14,7 @@ def segments_of(line: NDArray[np.intp], across: Floats, largest_step_px: float =
     A piece ends where a line is missing and where the position steps away from the stripe's own slope.
 
     Args:
-        line: (N,) growing.
+        line: (N,) growing, stripe after stripe.
         across: (N,) position on the line, px.
         largest_step_px: a larger step between neighbouring lines is an edge in depth.
     """
@@ -32,6 +32,19 @@ def _running_median(values: Floats, reach: int = 3) -> Floats:
     padded = np.pad(values, reach, mode="edge")
     median: Floats = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * reach + 1), axis=1)
     return median
+
+
+def in_long_pieces(line: NDArray[np.intp], across: Floats, least: int = 20) -> NDArray[np.bool_]:
+    """Whether (N,) a point belongs to an unbroken piece of so many lines, as clutter rarely does.
+
+    Args:
+        line: (N,) growing, stripe after stripe.
+        across: (N,) position on the line, px.
+        least: lines.
+    """
+    segment = segments_of(line, across)
+    is_long: NDArray[np.bool_] = np.bincount(segment)[segment] >= least
+    return is_long
 
 
 def has_company(line: NDArray[np.intp], across: Floats) -> NDArray[np.bool_]:

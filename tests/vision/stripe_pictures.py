@@ -10,7 +10,8 @@ LINES, WIDTH = 120, 200
 
 def slanted_centre() -> Floats:
     """Centre (LINES,) of a stripe that leans."""
-    return 90.3 + 0.21 * np.arange(LINES)
+    centre: Floats = 90.3 + 0.21 * np.arange(LINES, dtype=np.float64)
+    return centre
 
 
 def stripe_light(centre: Floats, sigma_px: float = 2.0, height: float = 160.0, width: int = WIDTH) -> Floats:

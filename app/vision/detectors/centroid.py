@@ -40,7 +40,7 @@ class CentroidDetector:
         mean = window @ offsets / mass
         squares = (offsets - mean[:, None]) ** 2
         found = Measured(
-            peaks.line, column + mean, peaks.height,
+            peaks.line, peaks.track, column + mean, peaks.height,
             _GREY_VARIANCE * squares.sum(axis=1) / mass**2,
             np.sqrt((window * squares).sum(axis=1) / mass), peaks.second, clipped,
         )  # fmt: skip

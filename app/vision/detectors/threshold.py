@@ -40,7 +40,7 @@ class ThresholdDetector:
         which = np.flatnonzero(pixels > 0)
         across = column + 0.5 * (to_right - to_left)
         found = Measured(
-            peaks.line[which], across[which], peaks.height[which],
+            peaks.line[which], peaks.track[which], across[which], peaks.height[which],
             # Either end of the run is known to a pixel, evenly.
             np.full(len(which), 2.0 / 12.0 / 4.0),
             # Sigma of the even distribution over the run.

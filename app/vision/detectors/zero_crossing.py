@@ -10,12 +10,12 @@ from app.vision.candidates import Candidates, Measured, find_candidates, stripes
 from app.vision.kernels import Kernels, kernels
 from app.vision.kernels.results import Refined, Shape, Windows
 from app.vision.noise import LARGEST_CONTRAST, measured_shape
-from app.vision.segments import roughness, segments_of
+from app.vision.segments import in_long_pieces, roughness, segments_of
 from app.vision.stripe import STRIPE_DETECTORS, LaserStripe, LaserView
 
 # Without a dark partner the edge of a surface's own brightness pulls at the stripe: by this many pixels
 # for a step as high as the stripe itself.
-_EDGE_PULL_PX = 0.35
+_EDGE_PULL_PX = 0.6
 # The stripe's foot, where the background begins, in stripe sigmas.
 _FOOT_SIGMAS = 3.0
 # Scoring is given up where it makes the stripe this much rougher. Not less: what a plain zero crossing does
@@ -88,7 +88,7 @@ class ZeroCrossingDetector:
         keep &= (across >= 1.5 * sigma) & (across <= peaks.lit.shape[1] - 1 - 1.5 * sigma)
         which = np.flatnonzero(keep)
         found = Measured(
-            peaks.line[which], across[which], refined.amplitude[which], variance[which],
+            peaks.line[which], peaks.track[which], across[which], refined.amplitude[which], variance[which],
             refined.width[which], peaks.second[which], windows.clipped[which] > 0,
         )  # fmt: skip
         return stripes_of(found, view.orientation, count, self.smooth_rows, self.measures_noise)
@@ -98,7 +98,9 @@ class ZeroCrossingDetector:
         if peaks.dark is None:
             foot = max(4, int(np.ceil(shape.sigma)))
             half = max(shape.half_window, core + foot)
-            return fast.cut_windows(peaks.lit, peaks.channel, peaks.line, column, half, core, foot)
+            return fast.cut_windows(
+                peaks.lit, peaks.light, peaks.channel, peaks.line, column, half, core, foot
+            )
         albedo_noise = self.read_noise**2 if self.evens_albedo else 0.0
         return fast.cut_windows_between(
             peaks.lit, peaks.dark, peaks.channel, peaks.line, column, shape.half_window, core, albedo_noise
@@ -110,7 +112,8 @@ class ZeroCrossingDetector:
         n = len(column)
         if self.measures_noise:
             windows = windows._replace(floor=np.zeros(n))
-            shape = measured_shape(windows, shape, fast, self.sigma_px > 0.0)
+            steady = in_long_pieces(peaks.line, peaks.centre)
+            shape = measured_shape(windows, steady, shape, fast, self.sigma_px > 0.0)
         wants_scoring = shape.contrast < LARGEST_CONTRAST if self.scoring is None else self.scoring
         plain, scored = fast.refine(windows, shape, wants_scoring)
         if self.scoring is not None or not wants_scoring:

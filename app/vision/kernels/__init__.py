@@ -26,8 +26,8 @@ class Kernels(Protocol):
     ) -> Windows: ...  # fmt: skip
 
     def cut_windows(
-        self, lit: Image, channel: int, line: NDArray[np.intp], column: NDArray[np.intp], half: int,
-        core: int, foot: int,
+        self, lit: Image, light: Image, channel: int, line: NDArray[np.intp], column: NDArray[np.intp],
+        half: int, core: int, foot: int,
     ) -> Windows: ...  # fmt: skip
 
     def refine(self, windows: Windows, shape: Shape, is_scored: bool) -> tuple[Refined, Refined]: ...

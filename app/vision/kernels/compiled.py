@@ -89,6 +89,7 @@ def cut_windows_between(
 
 def cut_windows(
     lit: Image,
+    light: Image,
     channel: int,
     line: NDArray[np.intp],
     column: NDArray[np.intp],
@@ -99,7 +100,17 @@ def cut_windows(
     """As in `twin`."""
     windows = _no_windows(len(line), half)
     cutting.windows_of(
-        _flat(lit), _stride(lit), channel, line, column, half, core, foot, CLIPPED_FROM, *windows
+        _flat(lit),
+        _flat(light),
+        _stride(lit),
+        channel,
+        line,
+        column,
+        half,
+        core,
+        foot,
+        CLIPPED_FROM,
+        *windows,
     )
     return windows
 

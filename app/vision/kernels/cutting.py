@@ -57,6 +57,7 @@ def windows_between(
 @compiled
 def windows_of(
     lit,
+    light,
     stride,
     channel,
     line,
@@ -71,38 +72,45 @@ def windows_of(
     floor,
     asymmetry,
 ):
-    """lit: (H, W * stride) uint8, channels interleaved."""
+    """lit: (H, W * stride) uint8, channels interleaved; light: (H, W) uint8."""
     width = lit.shape[1] // stride
     for n in range(len(line)):
-        a = lit[line[n]]
+        a, risen = lit[line[n]], light[line[n]]
         left = column[n] - half
         first, last = max(0, -left), min(2 * half, width - 1 - left)
-        before, befores, after, afters, bright = 0.0, 0, 0.0, 0, 0
+        before = after = low_before = low_after = 0.0
+        befores = afters = lows_before = lows_after = bright = 0
         for k in range(first, last + 1):
             value = float(a[(left + k) * stride + channel])
             is_clipped = value >= clipped_from
-            signal[n, k] = value
+            signal[n, k] = float(risen[left + k])
             usable[n, k] = not is_clipped
             distance = k - half
             if is_clipped and abs(distance) <= core:
                 bright += 1
-            if -core - foot <= distance < -core:
+            if abs(distance + core) <= 1:
                 before += value
                 befores += 1
-            if core < distance <= core + foot:
+            if abs(distance - core) <= 1:
                 after += value
                 afters += 1
-        if befores > 0:
-            before /= befores
-        if afters > 0:
-            after /= afters
+            if -core - foot <= distance < -core:
+                low_before += signal[n, k]
+                lows_before += 1
+            if core < distance <= core + foot:
+                low_after += signal[n, k]
+                lows_after += 1
+        before = before / befores if befores > 0 else -1.0
+        after = after / afters if afters > 0 else max(before, 0.0)
         if befores == 0:
             before = after
-        if afters == 0:
-            after = before
+        low_before = low_before / lows_before if lows_before > 0 else np.inf
+        low_after = low_after / lows_after if lows_after > 0 else np.inf
         clipped[n] = bright
         floor[n] = 0.5 * (before + after)
         asymmetry[n] = abs(after - before)
-        slope = (after - before) / (2 * core + foot + 1)
+        low = min(low_before, low_after)
+        if low == np.inf:
+            low = 0.0
         for k in range(first, last + 1):
-            signal[n, k] -= 0.5 * (before + after) + slope * (k - half)
+            signal[n, k] -= low

@@ -160,6 +160,7 @@ def cut_windows_between(
 
 def cut_windows(
     lit: Image,
+    light: Image,
     channel: int,
     line: NDArray[np.intp],
     column: NDArray[np.intp],
@@ -167,33 +168,39 @@ def cut_windows(
     core: int,
     foot: int,
 ) -> Windows:
-    """Windows of one picture; the background is what lies just beyond the core on either side.
+    """Windows of one picture, of what rises above its surroundings.
+
+    What lies just beyond the core on both sides is no stripe, and is taken off. The background's own edges
+    are what `light` is free of; how high they are is told.
 
     Args:
         lit: (H, W, 3) or (H, W).
+        light: (H, W) brightness above the surroundings.
         channel: which channel of a colour picture.
         line, column: (N,) middle of each window.
         half: pixels to either side.
-        core: the stripe reaches this far from the middle.
+        core: the stripe reaches this far from the middle; there the background's edges are measured.
         foot: pixels beyond it that show the background; half is at least core + foot.
     """
     on, inside = _cut(lit, channel, line, column, half)
+    risen, _ = _cut(light, 0, line, column, half)
     is_clipped = on >= CLIPPED_FROM
-    sides = []
-    for part in (slice(half - core - foot, half - core), slice(half + core + 1, half + core + 1 + foot)):
-        level = np.where(inside[:, part], on[:, part], 0.0).sum(axis=1)
-        many = inside[:, part].sum(axis=1)
-        sides.append(np.where(many > 0, level / np.maximum(many, 1), np.nan))
-    before = np.where(np.isnan(sides[0]), sides[1], sides[0])
-    after = np.where(np.isnan(sides[1]), sides[0], sides[1])
-    # Between the two flanks' middles the background goes in a straight line.
-    reach = float(2 * core + foot + 1)
-    offsets = np.arange(-half, half + 1)
-    slope = (after - before) / reach
-    background = 0.5 * (before + after)[:, None] + slope[:, None] * offsets
-    signal = np.where(inside, on - background, 0.0)
+    feet = slice(half - core - foot, half - core), slice(half + core + 1, half + core + 1 + foot)
+    rims = slice(half - core - 1, half - core + 2), slice(half + core - 1, half + core + 2)
+    before, after = (_mean_inside(on[:, part], inside[:, part]) for part in rims)
+    low = np.fmin(*(_mean_inside(risen[:, part], inside[:, part]) for part in feet))
+    before, after = np.where(np.isnan(before), after, before), np.where(np.isnan(after), before, after)
+    before, after, low = np.nan_to_num(before), np.nan_to_num(after), np.nan_to_num(low)
+    signal = np.where(inside, risen - low[:, None], 0.0)
     clipped = is_clipped[:, half - core : half + core + 1].sum(axis=1)
     return Windows(signal, inside & ~is_clipped, clipped, 0.5 * (before + after), np.abs(after - before))
+
+
+def _mean_inside(values: Floats, inside: NDArray[np.bool_]) -> Floats:
+    """Mean (N,) of each row's values inside the picture; NaN where there are none."""
+    many = inside.sum(axis=1)
+    total = np.where(inside, values, 0.0).sum(axis=1)
+    return np.where(many > 0, total / np.maximum(many, 1), np.nan)
 
 
 def _cut(
