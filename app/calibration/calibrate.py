@@ -37,9 +37,13 @@ def calibrate(
 
     Raises:
         CalibrationError: the recordings do not give the calibration that was asked for.
+        FrameError: a picture cannot be read.
     """
     evidence = gather(
-        recordings, detector, lambda done, total: on_progress("Looking at pictures", done, total)
+        recordings,
+        detector,
+        lambda done, total: on_progress("Looking at pictures", done, total),
+        skips_bad_frames=plan.skips_bad_frames,
     )
     return calibrate_evidence(evidence, plan, on_progress)
 

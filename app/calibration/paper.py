@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from app.calibration.camera_start import StartCamera
-from app.calibration.joint import joint_extra
+from app.calibration.joint import joint_extra, solve_joint
 from app.calibration.laser_plane import LaserPlaneResult, solve_laser_plane
 from app.calibration.outcome import CalibrationOutcome, ViewResidual
 from app.calibration.plan import CalibrationPlan

@@ -19,9 +19,11 @@ class CalibrationPlan:
             markers; `auto` takes the first of them that was recorded.
         camera: known camera, which is then not solved for.
         uses_distortion: the paper computes the distortion and then leaves it out; so does `False`.
+        skips_bad_frames: a picture that cannot be read is left out and reported instead of ending the run.
     """
 
     method: Method = "joint"
     axis: AxisMethod = "auto"
     camera: CameraIntrinsics | None = None
     uses_distortion: bool = True
+    skips_bad_frames: bool = False

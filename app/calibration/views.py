@@ -98,6 +98,8 @@ def gather(
     recordings: Sequence[Recording],
     detector: StripeDetector,
     on_progress: Callable[[int, int], None] = lambda done, total: None,
+    *,
+    skips_bad_frames: bool = False,
 ) -> Evidence:
     """Look at every frame that tells something about the rig.
 
@@ -105,8 +107,10 @@ def gather(
         recordings: of one rig, all with the same picture size, board and markers.
         detector: finds the stripes.
         on_progress: told how many situations of how many are done.
+        skips_bad_frames: go on without pictures that cannot be read, and list them.
 
     Raises:
+        FrameError: a picture cannot be read.
         CalibrationError: the recordings do not belong together.
     """
     size = _common("picture size", [r.camera_size for r in recordings])
@@ -117,7 +121,7 @@ def gather(
     situations = [s for number, r in enumerate(recordings) for s in _situations(r, number, len(recordings))]
     views: list[View] = []
     skipped: list[tuple[str, str]] = []
-    for done, (view, problems) in enumerate(_look_at_all(situations, detector), start=1):
+    for done, (view, problems) in enumerate(_look_at_all(situations, detector, skips_bad_frames), start=1):
         views += [view] if view is not None else []
         skipped += problems
         on_progress(done, len(situations))
@@ -162,14 +166,14 @@ def _situations(recording: Recording, number: int, count: int) -> Iterator[_Situ
 
 
 def _look_at_all(
-    situations: Sequence[_Situation], detector: StripeDetector
+    situations: Sequence[_Situation], detector: StripeDetector, skips_bad_frames: bool
 ) -> Iterator[tuple[View | None, list[tuple[str, str]]]]:
     """In order, a few ahead, so that pictures are decoded on one core while the other looks."""
     waiting: deque[Future[tuple[View | None, list[tuple[str, str]]]]] = deque()
     with ThreadPoolExecutor(_WORKERS, "calibration-views") as pool:
         try:
             for situation in situations:
-                waiting.append(pool.submit(_look_at, situation, detector))
+                waiting.append(pool.submit(_look_at, situation, detector, skips_bad_frames))
                 if len(waiting) > 2 * _WORKERS:
                     yield waiting.popleft().result()
             while waiting:
@@ -178,13 +182,17 @@ def _look_at_all(
             pool.shutdown(wait=True, cancel_futures=True)
 
 
-def _look_at(situation: _Situation, detector: StripeDetector) -> tuple[View | None, list[tuple[str, str]]]:
+def _look_at(
+    situation: _Situation, detector: StripeDetector, skips_bad_frames: bool
+) -> tuple[View | None, list[tuple[str, str]]]:
     shots: list[Shot] = []
     problems: list[tuple[str, str]] = []
     for entry in situation.entries:
         try:
             shots.append(situation.recording.load(entry))
         except FrameError as error:
+            if not skips_bad_frames:
+                raise
             problems.append((entry.file, error.problem))
     if not shots:
         return None, problems

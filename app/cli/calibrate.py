@@ -52,6 +52,9 @@ def calibrate_command(
     no_distortion: Annotated[
         bool, typer.Option("--no-distortion", help="With paper: leave the lens distortion out, as it does.")
     ] = False,
+    skip_bad_frames: Annotated[
+        bool, typer.Option("--skip-bad-frames", help="Go on without pictures that cannot be read.")
+    ] = False,
 ) -> int:
     """Calibrate camera, laser planes and axis from recordings."""
     if no_distortion and method is not _Method.PAPER:
@@ -61,9 +64,8 @@ def calibrate_command(
             "--axis only goes with --method paper: the joint method uses all that was recorded."
         )
     name = detector or ("threshold" if method is _Method.PAPER else "zero-crossing")
-    plan = CalibrationPlan(
-        method.value, axis.value, None if intrinsics is None else load_camera(intrinsics), not no_distortion
-    )
+    camera = None if intrinsics is None else load_camera(intrinsics)
+    plan = CalibrationPlan(method.value, axis.value, camera, not no_distortion, skip_bad_frames)
     written = report if report is not None else output.with_suffix(".html")
     check_report_name(written)
     for path in (output, written):
