@@ -8,7 +8,6 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from itertools import chain
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from app.documents import Json
@@ -21,17 +20,9 @@ from app.recording.simulated_stops import Stop, board_of, calibration_stops, sca
 from app.recording.simulated_truth import TRUTH_FILE, TRUTH_MESH_FILE, frame_truth, truth_document
 from app.recording.writer import RecordingWriter
 from app.simulation.render import Renderer, renderer_of
-from app.vision.stripe import Image
 
 Progress = Callable[[int, int], None]
 """Called with the frames done and the frames in all."""
-
-# Fastest for noisy pictures: entropy coding alone, of differences to the pixel on the left.
-_PNG = [
-    cv2.IMWRITE_PNG_COMPRESSION, 1,
-    cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_HUFFMAN_ONLY,
-    cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_SUB,
-]  # fmt: skip
 
 
 def simulate_recording(
@@ -116,14 +107,8 @@ def _pictures(renderer: Renderer, stop: Stop, plan: SimulationPlan, first_frame:
     pictures = []
     for number, take in enumerate(stop.takes, start=first_frame):
         seed = int(np.random.SeedSequence([plan.seed, number]).generate_state(1, np.uint64)[0])
-        pictures.append(_encoded(renderer.expose(view, take.lasers_on, seed), plan))
+        pictures.append(encode(renderer.expose(view, take.lasers_on, seed), plan.image_format, plan.quality))
     return pictures
-
-
-def _encoded(image: Image, plan: SimulationPlan) -> bytes:
-    if plan.image_format == "png":
-        return cv2.imencode(".png", image, _PNG)[1].tobytes()
-    return encode(image, plan.image_format, plan.quality)
 
 
 def _write_truth(folder: Path, plan: SimulationPlan, frames: list[Json]) -> None:
