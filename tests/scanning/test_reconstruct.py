@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from conftest import SmallScan
+from small_scans import SmallScan, make_small_scan
 
 from app.geometry.cloud import PointCloud
 from app.geometry.plane import LaserPlane
@@ -15,6 +15,11 @@ from app.scanning.profile import Profile
 from app.scanning.reconstruct import ReconstructionOptions
 from app.scanning.sources import reconstruct_recording, reconstruct_shots, scan_detector
 from app.simulation.rig import standard_rig
+
+
+@pytest.fixture(scope="session")
+def small_scan(tmp_path_factory: pytest.TempPathFactory) -> SmallScan:
+    return make_small_scan(tmp_path_factory.getbasetemp())
 
 
 def joined(run: object) -> PointCloud:

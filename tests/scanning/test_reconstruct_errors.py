@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
-from conftest import SmallScan
+from small_scans import SmallScan, make_small_scan
 
 from app.errors import FrameError, ReconstructionError
 from app.geometry.camera import CameraIntrinsics
@@ -17,6 +17,11 @@ from app.scanning.reconstruct import Reconstruction, ReconstructionOptions
 from app.scanning.sources import reconstruct_recording, scan_detector
 
 STOPS = 4
+
+
+@pytest.fixture(scope="session")
+def small_scan(tmp_path_factory: pytest.TempPathFactory) -> SmallScan:
+    return make_small_scan(tmp_path_factory.getbasetemp())
 
 
 def altered(scan: SmallScan, folder: Path, change: Callable[[Path, dict[str, Any]], None]) -> Recording:

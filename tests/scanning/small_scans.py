@@ -1,9 +1,10 @@
 """A small scan that is made once for all tests of this folder."""
 
 from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
 
 import numpy as np
-import pytest
 
 from app.geometry.cloud import PointCloud
 from app.recording.reader import Recording
@@ -34,8 +35,9 @@ class SmallScan:
         return distance
 
 
-@pytest.fixture(scope="session")
-def small_scan(tmp_path_factory: pytest.TempPathFactory) -> SmallScan:
+@cache
+def make_small_scan(folder: Path) -> SmallScan:
+    """The scan in a new folder below this one; made once, whoever asks."""
     plan = SimulationPlan(
         scanner=standard_rig(480, 270, stripe_sigma_px=1.2),
         parts=("scan",),
@@ -43,7 +45,7 @@ def small_scan(tmp_path_factory: pytest.TempPathFactory) -> SmallScan:
         platter=PlatterSpec("DICT_4X4_50", 20.0, (0, 1, 2, 3)),
         angle_error=AngleError(0.02, 1, 1.5),
     )
-    recording = simulate_recording(tmp_path_factory.mktemp("scans") / "ball", plan)
+    recording = simulate_recording(folder / "small-scan", plan)
     scan = SmallScan(plan, recording, plan.table_from_item.translation + np.array([0.0, 0.0, 30.0]))
     run = reconstruct_recording(recording, plan.scanner.rig, scan_detector())
     scan.profiles.extend(run)
