@@ -76,6 +76,6 @@ def reconstruct_command(
     report = run.report()
     say(reconstruction_lines(report))
     warn(report.warnings)
+    warn(report.doubts, is_doubt=True)
     say([f"Cloud in {output}" + (f", picture in {picture}." if picture is not None else ".")])
-    is_doubtful = any(table.is_moved for table in report.tables)
-    return _DOUBTFUL if is_doubtful else 0
+    return _DOUBTFUL if report.doubts else 0

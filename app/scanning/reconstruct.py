@@ -141,24 +141,25 @@ class Reconstruction(Generic[T]):
         if np.isfinite(self._observer.rig.axis.offset_mm):
             seen = check_by_points(self._near_table.rows)
             tables += [] if seen is None else [seen]
-        warnings = [*self._warnings]
+        doubts: list[str] = []
         if angles.marker_rms_px > _MISPLACED_PX:
-            warnings.append(
+            doubts.append(
                 f"The markers on the table are seen {angles.marker_rms_px:.1f} px from where they should be: "
                 "the camera or the table was moved since the calibration; calibrate again."
             )
-        warnings += [table.sentence for table in tables if table.sentence]
-        warnings += [
+        doubts += [table.sentence for table in tables if table.sentence]
+        doubts += [
             f"Lasers {pair.first!r} and {pair.second!r} disagree by {pair.disagreement_mm:.2f} mm: "
             "one of them was moved since the calibration, or the axis is off; calibrate again."
             for pair in agreements
             if pair.disagreement_mm > _DISAGREEMENT_MM
         ]
+        warnings = [*self._warnings]
         warnings += [angles.sentence] if angles.sentence else []
         warnings += _told(self._skipped)
         return ReconstructionReport(
             self._points, self._profiles, self._outside, tuple(self._skipped), angles, agreements,
-            tuple(tables), tuple(warnings),
+            tuple(tables), tuple(warnings), tuple(doubts),
         )  # fmt: skip
 
     def _observe(self, stop: Stop[T]) -> Sighting | SkippedFrame:

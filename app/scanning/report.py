@@ -28,6 +28,7 @@ class ReconstructionReport:
         agreements: every pair of lasers that saw the same surface.
         tables: the table as points and markers show it; empty where neither could tell.
         warnings: sentences for the person, most important first.
+        doubts: why the result must not be trusted; empty where it can.
     """
 
     points: int
@@ -38,3 +39,4 @@ class ReconstructionReport:
     agreements: tuple[LaserAgreement, ...]
     tables: tuple[TableCheck, ...]
     warnings: tuple[str, ...]
+    doubts: tuple[str, ...]

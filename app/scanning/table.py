@@ -55,7 +55,7 @@ class TableCheck:
         return (
             f"The table lies {abs(self.offset_mm):.2f} mm {side} where the calibration has it and is "
             f"tilted by {self.tilt_deg:.2f} degrees (seen from its {self.source}): "
-            "the laser or the camera was moved since; calibrate again."
+            "laser or camera were moved since, or a stated size (board, markers) is wrong; calibrate again."
         )
 
 

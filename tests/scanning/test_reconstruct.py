@@ -103,7 +103,7 @@ def test_a_laser_that_was_moved_is_noticed(small_scan: SmallScan) -> None:
     joined(run)
     report = run.report()
     assert report.agreements[0].disagreement_mm > 0.5
-    assert any("'left' and 'right' disagree" in warning for warning in report.warnings)
+    assert any("'left' and 'right' disagree" in warning for warning in report.doubts)
 
 
 def test_a_camera_that_was_moved_is_noticed_by_the_markers(small_scan: SmallScan) -> None:
@@ -111,7 +111,7 @@ def test_a_camera_that_was_moved_is_noticed_by_the_markers(small_scan: SmallScan
     axis = dataclasses.replace(rig.axis, point_mm=rig.axis.point_mm + np.array([0.0, 3.0, 0.0]))
     run = reconstruct_recording(small_scan.recording, dataclasses.replace(rig, axis=axis), scan_detector())
     joined(run)
-    assert any("calibrate again" in warning for warning in run.report().warnings)
+    assert any("calibrate again" in warning for warning in run.report().doubts)
 
 
 def test_the_region_bounds_the_cloud(small_scan: SmallScan) -> None:
