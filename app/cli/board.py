@@ -22,7 +22,7 @@ def board_command(
             help="KIND:COLUMNSxROWS:MM, such as chessboard:9x6:20 (inner corners), "
             "charuco:7x5:25:18:DICT_4X4_50 (squares), circles:7x6:15, asymmetric_circles:4x11:12."
         ),
-    ] = "chessboard:11x8:15",
+    ] = "chessboard:11x8:12",
     output: _Out = Path("board.pdf"),
     paper: _PaperSize = "a4",
 ) -> None:
