@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from app.errors import OptionError
 from app.geometry.platter import MarkerLayout
 from app.geometry.rig import Rig
 
@@ -27,6 +28,17 @@ class Region:
     radius_mm: float = float("inf")
     lowest_mm: float = float("-inf")
     highest_mm: float = float("inf")
+
+    def __post_init__(self) -> None:
+        if not self.radius_mm > 0.0:
+            raise OptionError(
+                f"No point lies within {self.radius_mm:g} mm of the axis.", "Give a radius above zero."
+            )
+        if not self.lowest_mm < self.highest_mm:
+            raise OptionError(
+                f"No point lies above {self.lowest_mm:g} mm and below {self.highest_mm:g} mm.",
+                "Give a height to keep points above that is less than the one to keep them below.",
+            )
 
     def holds(self, points: NDArray[np.floating]) -> NDArray[np.bool_]:
         """Which of (N, 3) points lie inside."""
