@@ -5,6 +5,10 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from app.recording.simulated import simulate_recording
+from app.recording.simulated_plan import SimulationPlan, Views
+from app.simulation.rig import standard_rig
+
 # A busy machine is no failure.
 settings.register_profile("house", deadline=None)
 settings.load_profile("house")
@@ -18,3 +22,13 @@ def shared_data() -> Path:
     if not _SHARED_DATA.is_dir():
         pytest.skip(f"real pictures not found at {_SHARED_DATA}")
     return _SHARED_DATA
+
+
+@pytest.fixture(scope="session")
+def small_recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A calibration with every role and a scan of a ball in twelve stops, 640 x 480; not to be written to."""
+    folder = tmp_path_factory.mktemp("recordings") / "small"
+    views = Views(intrinsics=8, laser_plane=4, placements=2, angles_deg=(-24.0, 0.0, 24.0), axis_line=1)
+    plan = SimulationPlan(scanner=standard_rig(640, 480), views=views, steps=12, texture_every=4)
+    simulate_recording(folder, plan)
+    return folder
