@@ -10,6 +10,7 @@ from app.calibration.bundle import Columns, Corners, State, Stripes
 from app.calibration.laser_plane import solve_laser_plane
 from app.calibration.platter import UNIT_CORNERS, SheetStart, marker_points, start_sheet
 from app.calibration.poses import BoardPose, board_pose, points_on_board, stripe_on_board
+from app.calibration.print_edges import clear_of_edges
 from app.calibration.projection import vector_from_camera
 from app.calibration.turntable_axis import solve_axis_turning
 from app.calibration.views import Evidence, View
@@ -27,6 +28,7 @@ CORNER_SIGMA_PX = 0.10
 """Assumed of a corner until the residuals tell."""
 _STRIPE_SIGMA_FLOOR_PX = 0.02
 _STRIPE_POINTS = 120
+_FEWEST_STRIPE_POINTS = 12
 _WORST_VIEW_PX = 2.0
 # Around a marker, in sides from its centre, the stripe is taken to lie on the table.
 _MARKER_SURROUND = 1.0
@@ -108,8 +110,10 @@ def board_views(
         stripes = {}
         for laser, stripe in view.stripes.items():
             lies_on = stripe_on_board(camera, pose.camera_from_board, evidence.board, stripe.pixels)
-            if lies_on.any():
-                stripes[laser] = stripe.select(lies_on)
+            on_board = stripe.select(lies_on)
+            is_clear = clear_of_edges(camera, pose.camera_from_board, evidence.board, on_board, view.across)
+            if np.count_nonzero(is_clear) >= _FEWEST_STRIPE_POINTS:
+                stripes[laser] = on_board.select(is_clear)
         seen.append(BoardView(view, pose, stripes))
     return seen, dropped
 
