@@ -30,7 +30,7 @@ class Candidates:
         centre: (N,) middle of the peak at half height, px.
         height: (N,) above the surroundings, grey levels.
         second: (N,) height of the line's next peak as a share of this one, 0..1.
-        sigma: of a typical peak, px.
+        sigmas: (N,) of each, roughly, px.
     """
 
     lit: Image
@@ -42,7 +42,15 @@ class Candidates:
     centre: Floats
     height: Floats
     second: Floats
-    sigma: float
+    sigmas: Floats
+
+    @property
+    def sigma(self) -> float:
+        """Of a typical peak, px: the brighter half knows it best."""
+        if len(self.line) == 0:
+            return 1.0
+        bright = self.sigmas[self.height >= np.median(self.height)]
+        return float(np.clip(np.median(bright), 0.5, _LARGEST_SIGMA_PX))
 
 
 def find_candidates(view: LaserView, min_strength: float, count: int, kernels: Kernels) -> Candidates:
@@ -56,21 +64,21 @@ def find_candidates(view: LaserView, min_strength: float, count: int, kernels: K
         peaks = kernels.find_peaks(response, light, least, count)
     else:
         peaks = kernels.find_peaks_between(lit, dark, channel, least, count)
-    is_peak = peaks.height[:, :count] >= max(least, _TEXTURES * peaks.texture)
-    line, rank = np.divmod(np.flatnonzero(is_peak), count)
-    track = _tracks(line, peaks.centre[line, rank], count)
-    order = np.argsort(track, kind="stable")
-    line, rank, track = line[order], rank[order], track[order]
-    heights = peaks.height[line, rank]
-    second = np.minimum(peaks.height[line, count] / heights, 1.0)
-    sigmas = peaks.sigma[line, rank]
-    # The brighter half knows the width best.
-    known = np.isfinite(sigmas) & (heights >= (np.median(heights) if len(heights) else 0.0))
-    sigma = float(np.median(sigmas[known])) if known.any() else 1.0
-    return Candidates(
-        lit, dark, light, channel, line, track, peaks.centre[line, rank], heights, second,
-        float(np.clip(sigma, 0.5, _LARGEST_SIGMA_PX)),
-    )  # fmt: skip
+    limit = max(least, _TEXTURES * peaks.texture)
+    if count == 1:
+        line = np.flatnonzero(peaks.height[:, 0] >= limit)
+        at, track = 2 * line, np.zeros(len(line), np.intp)
+        of_line = line
+    else:
+        line, rank = np.divmod(np.flatnonzero(peaks.height[:, :count] >= limit), count)
+        track = _tracks(line, peaks.centre[line, rank], count)
+        order = np.argsort(track, kind="stable")
+        line, rank, track = line[order], rank[order], track[order]
+        at, of_line = (count + 1) * line + rank, count * line + rank
+    height = peaks.height.take(at)
+    second = np.minimum(peaks.height[:, count].take(line) / height, 1.0)
+    centre, sigmas = peaks.centre.take(of_line), peaks.sigma.take(of_line)
+    return Candidates(lit, dark, light, channel, line, track, centre, height, second, sigmas)
 
 
 def run_windows(peaks: Candidates) -> tuple[Floats, NDArray[np.intp], NDArray[np.bool_]]:
@@ -81,8 +89,8 @@ def run_windows(peaks: Candidates) -> tuple[Floats, NDArray[np.intp], NDArray[np
         pixel near it is clipped.
     """
     column = np.rint(peaks.centre).astype(np.intp)
-    half = int(np.ceil(5.0 * peaks.sigma)) + 2
-    core = int(np.ceil(3.0 * peaks.sigma))
+    sigma = peaks.sigma
+    half, core = int(np.ceil(5.0 * sigma)) + 2, int(np.ceil(3.0 * sigma))
     if peaks.dark is None:
         windows = twin.cut_windows(peaks.lit, peaks.light, peaks.channel, peaks.line, column, half, core, 2)
     else:
@@ -112,6 +120,15 @@ class Measured:
     second: Floats
     saturated: NDArray[np.bool_]
 
+    def where(self, keep: NDArray[np.bool_]) -> "Measured":
+        """The peaks of a mask, which most often is all of them."""
+        if keep.all():
+            return self
+        return Measured(
+            self.line[keep], self.track[keep], self.across[keep], self.strength[keep], self.variance[keep],
+            self.width[keep], self.second[keep], self.saturated[keep],
+        )  # fmt: skip
+
 
 def stripes_of(
     found: Measured, orientation: Orientation, count: int, smooth_rows: int = 0, measures_noise: bool = False
@@ -121,26 +138,23 @@ def stripes_of(
     Peaks without neighbours along the stripe are left out.
     """
     return [
-        _stripe(found, np.flatnonzero(found.track == number), orientation, smooth_rows, measures_noise)
+        _stripe(found.where(found.track == number), orientation, smooth_rows, measures_noise)
         for number in range(count)
     ]
 
 
-def _stripe(
-    found: Measured, which: NDArray[np.intp], orientation: Orientation, smooth_rows: int, measures_noise: bool
-) -> LaserStripe:
-    which = which[has_company(found.line[which], found.across[which])]
-    line, across, variance = found.line[which], found.across[which], found.variance[which]
+def _stripe(found: Measured, orientation: Orientation, smooth_rows: int, measures_noise: bool) -> LaserStripe:
+    found = found.where(has_company(found.line, found.across))
+    line, across, variance = found.line, found.across, found.variance
     segment = segments_of(line, across)
     if measures_noise:
         variance = variance * noise_scale(across, variance, segment)
     across, variance = smooth_within(line, across, variance, segment, smooth_rows)
-    along = line.astype(np.float64)
-    pixels = np.column_stack([across, along] if orientation == "vertical" else [along, across])
+    pixels = np.empty((len(line), 2))
+    pixels[:, 0], pixels[:, 1] = (across, line) if orientation == "vertical" else (line, across)
     return LaserStripe(
-        pixels, line, found.strength[which], variance, found.width[which], found.second[which], segment,
-        found.saturated[which],
-    )  # fmt: skip
+        pixels, line, found.strength, variance, found.width, found.second, segment, found.saturated
+    )
 
 
 def _tracks(line: NDArray[np.intp], across: Floats, count: int) -> NDArray[np.intp]:

@@ -56,7 +56,7 @@ def has_company(line: NDArray[np.intp], across: Floats) -> NDArray[np.bool_]:
     """
     company = np.zeros(len(line), np.intp)
     for hop in range(1, 4):
-        if len(line) <= hop:
+        if len(line) <= hop or company.min() >= 2:
             break
         lines = line[hop:] - line[:-hop]
         near = (lines <= 3) & (np.abs(across[hop:] - across[:-hop]) <= 1.0 + 3.0 * lines)

@@ -75,23 +75,24 @@ class ZeroCrossingDetector:
         column = np.rint(peaks.centre).astype(np.intp)
         windows = self._cut(peaks, column, shape, fast)
         refined = self._refine(windows, shape, peaks, column, fast)
-        variance = (
-            refined.variance + (_EDGE_PULL_PX * windows.asymmetry / np.maximum(refined.amplitude, 1.0)) ** 2
-        )
+        variance = refined.variance
+        if peaks.dark is None:
+            pull_px = _EDGE_PULL_PX * windows.asymmetry / np.maximum(refined.amplitude, 1.0)
+            variance = variance + pull_px * pull_px
+        saturated = windows.clipped > 0
         across = column + refined.offset
         keep = refined.is_found & (refined.amplitude >= 0.5 * self.min_strength)
-        keep &= (refined.width >= self.narrowest * sigma) & (
-            (refined.width <= self.widest * sigma) | (windows.clipped > 0)
-        )
-        keep &= peaks.second <= self.max_second
+        keep &= refined.width >= self.narrowest * sigma
+        keep &= (refined.width <= self.widest * sigma) | saturated
         # A stripe that the picture's border cuts has lost its middle.
         keep &= (across >= 1.5 * sigma) & (across <= peaks.lit.shape[1] - 1 - 1.5 * sigma)
-        which = np.flatnonzero(keep)
+        if self.max_second < 1.0:
+            keep &= peaks.second <= self.max_second
         found = Measured(
-            peaks.line[which], peaks.track[which], across[which], refined.amplitude[which], variance[which],
-            refined.width[which], peaks.second[which], windows.clipped[which] > 0,
+            peaks.line, peaks.track, across, refined.amplitude, variance, refined.width, peaks.second,
+            saturated,
         )  # fmt: skip
-        return stripes_of(found, view.orientation, count, self.smooth_rows, self.measures_noise)
+        return stripes_of(found.where(keep), view.orientation, count, self.smooth_rows, self.measures_noise)
 
     def _cut(self, peaks: Candidates, column: NDArray[np.intp], shape: Shape, fast: Kernels) -> Windows:
         core = int(np.ceil(_FOOT_SIGMAS * shape.sigma))

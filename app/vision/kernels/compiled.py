@@ -53,7 +53,7 @@ def _peaks(
     texture = float(np.searchsorted(many, (many[-1] + 3) // 4))
     height, centre = np.zeros((len(on), count + 1)), np.zeros((len(on), count))
     sigma = np.full((len(on), count), np.nan)
-    limits = max(least, 1), BLOCK, SUMMIT_REACH, REACH, HIGH, LOW
+    limits = max(least, 1), BLOCK, SUMMIT_REACH, REACH, HIGH, LOW, 8.0 * float(np.log(HIGH / LOW))
     searching.peaks(on, off, *light, stride, channel, most, limits, height, centre, sigma)
     return Peaks(height, centre, sigma, texture)
 

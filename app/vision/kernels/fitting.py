@@ -15,6 +15,7 @@ def refine(signal, usable, floor, widths, reaches, noise, rounds, plain, scored,
     for k in range(-radius, radius + 1):
         bell[k + radius] = np.exp(-(k * k) / (2.0 * filter_sigma**2))
         kernel[k + radius] = k * bell[k + radius]
+    speckle, shot, still = _variance_terms(sigma, filter_sigma, noise)
     for n in range(len(signal)):
         x, is_crossing = _crossing(signal, n, half, kernel, radius, reach, sigma, filter_sigma)
         if not is_crossing:
@@ -24,7 +25,7 @@ def refine(signal, usable, floor, widths, reaches, noise, rounds, plain, scored,
             continue
         is_found[n] = True
         width = _width(signal, n, half, x, filter_sigma, bell, radius)
-        variance = crossing_variance(a, floor[n], sigma, filter_sigma, noise)
+        variance = speckle + shot / a + still * (noise[2] + floor[n] / noise[1]) / (a * a)
         plain[0, n], plain[1, n], plain[2, n], plain[3, n] = x, a, width, variance
         if rounds > 0:
             x, a, variance = _score(
@@ -92,8 +93,9 @@ def _crossing(signal, n, half, kernel, radius, reach, sigma, filter_sigma):
 @compiled
 def _response(signal, n, middle, kernel, radius):
     total = 0.0
-    for k in range(2 * radius + 1):
-        total += signal[n, middle - radius + k] * kernel[k]
+    row, start = np.uint64(n), np.uint64(middle - radius)
+    for k in range(np.uint64(2 * radius + 1)):
+        total += signal[row, start + k] * kernel[k]
     return total
 
 
@@ -120,16 +122,18 @@ def _bell_steps(start, sigma):
 
 
 @compiled
-def crossing_variance(a, floor, sigma, filter_sigma, noise):
-    contrast, gain, read_variance = noise
+def _variance_terms(sigma, filter_sigma, noise):
+    """What a point's variance is made of: of speckle, of shot noise times a, of still noise times a^2."""
+    contrast, gain, _ = noise
     s2, f2 = sigma * sigma, filter_sigma * filter_sigma
     squares = 2.0 / f2
-    root = np.sqrt(2.0 * np.pi)
-    speckle = contrast * contrast * a * a * (squares + 2.0 / s2) ** -1.5
-    shot = a / gain * (squares + 1.0 / s2) ** -1.5
-    still = (read_variance + floor / gain) * squares**-1.5
-    slope = a * root * (1.0 / f2 + 1.0 / s2) ** -1.5 / s2
-    return root * (speckle + shot + still) / (slope * slope)
+    slope = np.sqrt(2.0 * np.pi) * (1.0 / f2 + 1.0 / s2) ** -1.5 / s2
+    scale = np.sqrt(2.0 * np.pi) / (slope * slope)
+    return (
+        scale * contrast * contrast * (squares + 2.0 / s2) ** -1.5,
+        scale / gain * (squares + 1.0 / s2) ** -1.5,
+        scale * squares**-1.5,
+    )
 
 
 @compiled

@@ -64,7 +64,8 @@ def summits(most, step):
 def peaks(on, off, a, b, is_pair, stride, channel, most, limits, height, centre, sigma):
     """on - off is the response, a - b the light, (H, W * stride); `most` is used up.
 
-    limits: least height, size of a block, reach of a summit, reach of a flank, the high and the low share.
+    limits: least height, size of a block, reach of a summit, reach of a flank, the high and the low share of a
+    peak at which its width is taken, and what squared widths are divided by.
     """
     taken = np.zeros((centre.shape[1], 2), np.int64)
     width = on.shape[1] // stride
@@ -75,9 +76,10 @@ def peaks(on, off, a, b, is_pair, stride, channel, most, limits, height, centre,
 
 @compiled
 def _light(a, b, is_pair, line, index):
-    x = np.int64(a[line, index])
+    row, place = np.uint64(line), np.uint64(index)
+    x = np.int64(a[row, place])
     if is_pair:
-        return max(x - np.int64(b[line, index]), 0)
+        return max(x - np.int64(b[row, place]), 0)
     return x
 
 
@@ -89,23 +91,23 @@ def _peaks_of_line(
 
     on - off is the response, a - b the light; `most[line]` the maximum of each block of the response.
     """
-    least, block_size, summit_reach, reach, high_share, low_share = limits
-    width_scale = 8.0 * np.log(high_share / low_share)
+    least, block_size, summit_reach, reach, high_share, low_share, width_scale = limits
     ranks = len(taken)
-    row, a_row, b_row = most[line], on[line], off[line]
+    row = np.uint64(line)
+    blocks = np.uint64(most.shape[1])
     for rank in range(ranks + 1):
         summit = np.uint8(0)
-        for block in range(len(row)):
-            summit = max(summit, row[block])
+        for block in range(blocks):
+            summit = max(summit, most[row, block])
         if summit < least:
             break
         height[line, rank] = summit
         if rank == ranks:
             break
-        best = 0
-        while row[best] != summit:
-            best += 1
-        column = best * block_size
+        best = np.uint64(0)
+        while most[row, best] != summit:
+            best += np.uint64(1)
+        column = np.int64(best) * block_size
         while _light(on, off, True, line, column * stride + channel) != summit or _is_taken(
             column, taken, rank
         ):
@@ -133,18 +135,22 @@ def _peaks_of_line(
         for block in range(first // block_size, last // block_size + 1):
             begin, end = block * block_size, min((block + 1) * block_size, width)
             if rank == 0:
-                before = _largest(a_row, b_row, begin, min(end, first), stride, channel)
-                row[block] = max(before, _largest(a_row, b_row, max(begin, last + 1), end, stride, channel))
+                before = _largest(on, off, row, begin, min(end, first), stride, channel)
+                after = _largest(on, off, row, max(begin, last + 1), end, stride, channel)
+                most[line, block] = max(before, after)
             else:
-                row[block] = _largest_left(on, off, line, begin, end, stride, channel, taken, rank + 1)
+                most[line, block] = _largest_left(on, off, line, begin, end, stride, channel, taken, rank + 1)
 
 
 @compiled
-def _largest(a, b, begin, end, stride, channel):
-    largest = np.int64(0)
-    for column in range(begin, end):
-        index = column * stride + channel
-        largest = max(largest, np.int64(a[index]) - np.int64(b[index]))
+def _largest(a, b, row, begin, end, stride, channel):
+    """Unsigned places: for signed ones every fetch would first ask whether it counts from the end."""
+    largest = np.uint8(0)
+    index, step = np.uint64(begin * stride + channel), np.uint64(stride)
+    for _ in range(end - begin):
+        x, y = a[row, index], b[row, index]
+        largest = max(largest, np.uint8(max(x, y) - y))
+        index += step
     return largest
 
 
