@@ -14,6 +14,8 @@ from app.cli.simulate import simulate_command
 from app.errors import ScannerError
 
 _INTERRUPTED = _USAGE = 2
+# Typer catches the interrupt itself and returns this.
+_TYPER_INTERRUPTED = 130
 # Typer shows the base of its usage errors nowhere else.
 _UsageError: type[Exception] = next(
     kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException"
@@ -57,7 +59,12 @@ def run(arguments: list[str]) -> int:
         console.print("See `turnscan --help`, or --help of the command.", soft_wrap=True)
         return _USAGE
     except (KeyboardInterrupt, typer.Abort):
-        console.print("[bold red]Stopped[/] before the end: no result was written. Run the command again.")
+        code = _TYPER_INTERRUPTED
+    if code == _TYPER_INTERRUPTED:
+        console.print(
+            "[bold red]Stopped[/] before the end: no result was written. Run the command again.",
+            soft_wrap=True,
+        )
         return _INTERRUPTED
     return code if isinstance(code, int) else 0
 
