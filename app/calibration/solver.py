@@ -9,6 +9,7 @@ from scipy import sparse
 from scipy.sparse import linalg
 
 from app.calibration.bundle import Corners, State, Stripes, moved, residuals
+from app.calibration.correlation import correlation_of_groups
 from app.errors import CalibrationError
 from app.geometry.arrays import Floats
 
@@ -27,7 +28,7 @@ class Solution:
     Attributes:
         state: the unknowns.
         uncertain: (U,) columns of the parameter vector that have a covariance; the others were held.
-        covariance: (U, U) of those, scaled to the noise that was seen.
+        covariance: (U, U) of those, scaled to the noise that was seen and to how far neighbours err together.
         corner_residuals: (Nc, 2) px.
         stripe_residuals: (Ns,) px across the stripe.
         noise: for each group, the noise seen relative to the noise assumed.
@@ -80,15 +81,22 @@ def solve(
         state, step = _descend(state, scaled_corners, scaled_stripes, free, step, on_step)
         r, _ = residuals(state, scaled_corners, scaled_stripes)
         noise = noise * _noise_of_groups(r, corners, stripes)
-    scaled_corners = replace(corners, sigma=corners.sigma * noise[corners.group])
-    scaled_stripes = replace(stripes, sigma=stripes.sigma * noise[stripes.group])
+    # Neighbours that err together tell less than their number says.
+    r, _ = residuals(
+        state,
+        replace(corners, sigma=corners.sigma * noise[corners.group]),
+        replace(stripes, sigma=stripes.sigma * noise[stripes.group]),
+    )
+    trusted = noise * np.sqrt(correlation_of_groups(r, corners, stripes))
+    scaled_corners = replace(corners, sigma=corners.sigma * trusted[corners.group])
+    scaled_stripes = replace(stripes, sigma=stripes.sigma * trusted[stripes.group])
     state, _ = _descend(state, scaled_corners, scaled_stripes, free, step, on_step)
     r, jacobian = residuals(state, scaled_corners, scaled_stripes)
     uncertain = free if uncertain is None else uncertain
     normal = _normal_matrix(jacobian[:, uncertain], _weights(r))
     covariance = _covariance(np.asarray(normal.toarray(), np.float64))
     n = 2 * len(corners.pixels)
-    assumed = _in_assumed_units(r, noise, corners, stripes)
+    assumed = _in_assumed_units(r, trusted, corners, stripes)
     is_inlier = np.abs(r) < 2.0 * _ROBUST_SCALE
     freedom = max(int(is_inlier.sum()) - len(free), 1)
     return Solution(
