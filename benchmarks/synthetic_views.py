@@ -200,9 +200,7 @@ def stripe_from(columns: Floats, rows: Floats, sigma_px: float, rng: np.random.G
     )
 
 
-def surface_error_mm(
-    truth: Rig, found: Rig, radius_mm: float = 50.0, *, is_aligned: bool = True
-) -> float:
+def surface_error_mm(truth: Rig, found: Rig, radius_mm: float = 50.0, *, is_aligned: bool = True) -> float:
     """RMS, across the surface, of a cylinder about the true axis as the found rig scans it.
 
     The cylinder's stripes are seen by the true rig without noise; the found rig triangulates them, turns
