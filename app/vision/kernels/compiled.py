@@ -7,7 +7,6 @@ from app.geometry.arrays import Floats
 from app.vision.kernels import cutting, fitting, searching, terms
 from app.vision.kernels.jit import compiled
 from app.vision.kernels.results import (
-    AMPLITUDE_REACH,
     BLOCK,
     CLASSES,
     CLIPPED_FROM,
@@ -120,7 +119,7 @@ def refine(windows: Windows, shape: Shape, is_scored: bool) -> tuple[Refined, Re
     n = len(windows.signal)
     plain, scored, is_found = np.zeros((4, n)), np.zeros((4, n)), np.zeros(n, np.bool_)
     widths = shape.sigma, shape.filter_sigma
-    reaches = shape.filter_radius, shape.search_radius, AMPLITUDE_REACH, SCORING_REACH, FARTHEST
+    reaches = shape.filter_radius, shape.search_radius, SCORING_REACH, FARTHEST
     noise = shape.contrast, shape.gain, shape.read_variance
     rounds = SCORING_ROUNDS if is_scored else 0
     fitting.refine(

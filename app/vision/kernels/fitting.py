@@ -9,7 +9,7 @@ from app.vision.kernels.jit import compiled_loosely as compiled
 def refine(signal, usable, floor, widths, reaches, noise, rounds, plain, scored, is_found):
     """plain, scored: (4, N) offset, amplitude, width, variance, zero to begin with; rounds: of scoring."""
     sigma, filter_sigma = widths
-    radius, reach, amplitude_reach, scoring_reach, farthest = reaches
+    radius, reach, scoring_reach, farthest = reaches
     half = signal.shape[1] // 2
     kernel, bell = np.empty(2 * radius + 1), np.empty(2 * radius + 1)
     for k in range(-radius, radius + 1):
@@ -20,7 +20,7 @@ def refine(signal, usable, floor, widths, reaches, noise, rounds, plain, scored,
         x, is_crossing = _crossing(signal, n, half, kernel, radius, reach, sigma, filter_sigma)
         if not is_crossing:
             continue
-        a = _amplitude(signal, usable, n, half, x, sigma, amplitude_reach * sigma)
+        a = _amplitude(signal, usable, n, half, x, sigma, scoring_reach * sigma)
         if a <= 0.0:
             continue
         is_found[n] = True
@@ -104,13 +104,17 @@ def _amplitude(signal, usable, n, half, x, sigma, limit):
     first = max(0, int(np.ceil(half + x - limit)))
     last = min(signal.shape[1] - 1, int(np.floor(half + x + limit)))
     value, ratio, bend = _bell_steps(first - half - x, sigma)
-    energy = total = 0.0
+    energy = total = energy_of_all = total_of_all = 0.0
     for k in range(first, last + 1):
+        energy_of_all += value * value
+        total_of_all += value * signal[n, k]
         if usable[n, k]:
             energy += value * value
             total += value * signal[n, k]
         value *= ratio
         ratio *= bend
+    if energy == 0.0:
+        energy, total = energy_of_all, total_of_all
     return total / energy if energy > 0.0 else 0.0
 
 

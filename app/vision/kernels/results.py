@@ -24,8 +24,7 @@ SUMMIT_REACH = 3
 """The brightest pixel lies this near to the one that looks most like laser, px."""
 HIGH, LOW = 0.65, 0.3
 """Shares of a peak's height at which its width is taken."""
-AMPLITUDE_REACH = 2.0
-SCORING_ROUNDS = 4
+SCORING_ROUNDS = 2
 SCORING_REACH = 3.5
 """Pixels this many sigmas around the stripe tell its amplitude, and take part in the scoring."""
 

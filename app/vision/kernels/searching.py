@@ -64,7 +64,7 @@ def summits(most, step):
 def peaks(on, off, a, b, is_pair, stride, channel, most, limits, height, centre, sigma):
     """on - off is the response, a - b the light, (H, W * stride); `most` is used up.
 
-    limits: least height, size of a block, reach of a summit, reach of a flank, the high and the low share of a
+    limits: least height, size of a block, reach of a summit, reach of a flank, the high and low share of a
     peak at which its width is taken, and what squared widths are divided by.
     """
     taken = np.zeros((centre.shape[1], 2), np.int64)

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from app.geometry.arrays import Floats
 from app.vision.kernels.results import (
-    AMPLITUDE_REACH,
     BLOCK,
     CLASSES,
     CLIPPED_FROM,
@@ -256,10 +255,7 @@ def refine(windows: Windows, shape: Shape, is_scored: bool) -> tuple[Refined, Re
     x = np.where(is_found, spots[best] + upper / np.where(is_found, upper - lower, 1.0), 0.0)
 
     floor = shape.read_variance + windows.floor / shape.gain
-    inner = windows.usable & (np.abs(offsets - x[:, None]) <= AMPLITUDE_REACH * shape.sigma)
-    g = np.where(inner, _bell(offsets - x[:, None], shape.sigma), 0.0)
-    energy = (g * g).sum(axis=1)
-    amplitude = (g * signal).sum(axis=1) / np.where(energy > 0.0, energy, 1.0)
+    amplitude = _amplitude(windows, x, shape, offsets)
     is_found &= amplitude > 0.0
     variance = _crossing_variance(amplitude, floor, shape)
     width = _width(signal, x, shape)
@@ -287,6 +283,17 @@ def _only_found(
 def _bell(distance: Floats, sigma: float) -> Floats:
     bell: Floats = np.exp(-(distance**2) / (2.0 * sigma * sigma))
     return bell
+
+
+def _amplitude(windows: Windows, x: Floats, shape: Shape, offsets: Floats) -> Floats:
+    """Least-squares height of a bell at x, from pixels that are not clipped unless all of them are."""
+    near = np.abs(offsets - x[:, None]) <= SCORING_REACH * shape.sigma
+    bell = _bell(offsets - x[:, None], shape.sigma)
+    inner = near & windows.usable
+    g = np.where(inner.any(axis=1)[:, None], np.where(inner, bell, 0.0), np.where(near, bell, 0.0))
+    energy = (g * g).sum(axis=1)
+    amplitude: Floats = (g * windows.signal).sum(axis=1) / np.where(energy > 0.0, energy, 1.0)
+    return amplitude
 
 
 def _crossing_variance(amplitude: Floats, floor: Floats, shape: Shape) -> Floats:
