@@ -157,5 +157,5 @@ def _stride(image: Image) -> int:
 def _no_windows(count: int, half: int) -> Windows:
     size = (count, 2 * half + 1)
     return Windows(
-        np.zeros(size), np.zeros(size, np.bool_), np.zeros(count, np.intp), np.zeros(count), np.zeros(count)
+        np.empty(size), np.empty(size, np.bool_), np.zeros(count, np.intp), np.zeros(count), np.zeros(count)
     )

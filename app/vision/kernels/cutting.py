@@ -24,34 +24,45 @@ def windows_between(
 ):
     """lit, dark: (H, W * stride) uint8, channels interleaved."""
     width = lit.shape[1] // stride
-    off = np.zeros(2 * half + 1)
     for n in range(len(line)):
-        a, b = lit[line[n]], dark[line[n]]
-        left = column[n] - half
+        row, left = np.uint64(line[n]), column[n] - half
         first, last = max(0, -left), min(2 * half, width - 1 - left)
-        total, darkest, bright = 0.0, np.inf, 0
+        for k in range(first):
+            signal[n, k], usable[n, k] = 0.0, False
+        for k in range(last + 1, 2 * half + 1):
+            signal[n, k], usable[n, k] = 0.0, False
+        # Unsigned places and whole numbers: nothing to ask about each pixel, nothing to convert twice.
+        index, step = np.uint64((left + first) * stride + channel), np.uint64(stride)
+        total = brightest = np.int64(0)
         for k in range(first, last + 1):
-            index = (left + k) * stride + channel
-            off[k] = b[index]
-            signal[n, k] = float(a[index]) - off[k]
-            is_clipped = a[index] >= clipped_from
-            usable[n, k] = not is_clipped
-            if is_clipped and abs(k - half) <= core:
-                bright += 1
-            total += off[k]
-            darkest = min(darkest, off[k])
-        clipped[n] = bright
-        level = total / max(last - first + 1, 1)
+            a, b = np.int64(lit[row, index]), np.int64(dark[row, index])
+            signal[n, k] = a - b
+            usable[n, k] = a < clipped_from
+            total += b
+            brightest = max(brightest, a)
+            index += step
+        many = max(last - first + 1, 1)
+        level = total / many
         floor[n] = 2.0 * level
-        if albedo_noise <= 0.0 or bright > 0 or darkest < 25.0:
+        clipped[n] = 0
+        if brightest >= clipped_from:
+            for k in range(max(first, half - core), min(last, half + core) + 1):
+                clipped[n] += not usable[n, k]
+        if albedo_noise <= 0.0 or clipped[n] > 0 or level < 25.0:
             continue
-        spread = 0.0
+        darkest, spread = np.inf, 0.0
         for k in range(first, last + 1):
-            spread += (off[k] - level) ** 2
-        spread /= max(last - first + 1, 1)
-        if spread > 0.01 * level * level and spread > 16.0 * (albedo_noise + 0.03 * level):
+            off = float(dark[line[n], (left + k) * stride + channel])
+            darkest = min(darkest, off)
+            spread += (off - level) ** 2
+        spread /= many
+        if (
+            darkest >= 25.0
+            and spread > 0.01 * level * level
+            and spread > 16.0 * (albedo_noise + 0.03 * level)
+        ):
             for k in range(first, last + 1):
-                signal[n, k] *= level / max(off[k], 1.0)
+                signal[n, k] *= level / max(float(dark[line[n], (left + k) * stride + channel]), 1.0)
 
 
 @compiled
@@ -78,6 +89,10 @@ def windows_of(
         a, risen = lit[line[n]], light[line[n]]
         left = column[n] - half
         first, last = max(0, -left), min(2 * half, width - 1 - left)
+        for k in range(first):
+            signal[n, k], usable[n, k] = 0.0, False
+        for k in range(last + 1, 2 * half + 1):
+            signal[n, k], usable[n, k] = 0.0, False
         before = after = low_before = low_after = 0.0
         befores = afters = lows_before = lows_after = bright = 0
         for k in range(first, last + 1):

@@ -1,215 +1,20 @@
-"""The stripe kernels in NumPy and OpenCV: the reference, and what runs where numba is missing.
+"""The sub-pixel centre of each peak, and what its fit leaves over, in NumPy."""
 
-A kernel works on lines: each row of the arrays it gets crosses the stripe once.
-"""
-
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from app.geometry.arrays import Floats
 from app.vision.kernels.results import (
-    BLOCK,
     CLASSES,
-    CLIPPED_FROM,
     FARTHEST,
-    HIGH,
     LEAST_FREE,
-    LOW,
-    REACH,
     SCORING_REACH,
     SCORING_ROUNDS,
-    SUMMIT_REACH,
-    TEXTURE_STEP,
     Leftovers,
-    Peaks,
     Refined,
     Shape,
     Windows,
 )
-from app.vision.kernels.terms import noise_terms
-from app.vision.stripe import Image
-
-__all__ = [
-    "cut_windows",
-    "cut_windows_between",
-    "find_peaks",
-    "find_peaks_between",
-    "leftovers",
-    "noise_terms",
-    "refine",
-]
-
-
-def difference(lit: Image, dark: Image, channel: int) -> Image:
-    """How much brighter (H, W) each pixel of one channel is with the laser on; never below 0."""
-    if lit.ndim == 2:
-        return np.asarray(cv2.subtract(lit, dark), np.uint8)
-    return np.asarray(
-        cv2.subtract(cv2.extractChannel(lit, channel), cv2.extractChannel(dark, channel)), np.uint8
-    )
-
-
-def find_peaks_between(lit: Image, dark: Image, channel: int, least: int, count: int) -> Peaks:
-    """The `count` strongest peaks of every line of lit minus dark, and the height of the next."""
-    response = difference(lit, dark, channel)
-    return find_peaks(response, response, least, count)
-
-
-def find_peaks(response: Image, light: Image, least: int, count: int) -> Peaks:
-    """The `count` strongest peaks of every line, and the height of the next.
-
-    Args:
-        response: (H, W) how much each pixel looks like laser; it decides where the peaks are.
-        light: (H, W) brightness above the surroundings; it decides what shape they have.
-        least: a lower summit of the response is none, 1..255.
-        count: peaks per line.
-    """
-    lines, width = response.shape
-    height, centre = np.zeros((lines, count + 1)), np.zeros((lines, count))
-    sigma = np.full((lines, count), np.nan)
-    left = response.copy()
-    for rank in range(count + 1):
-        column = np.argmax(left, axis=1)
-        summit = left[np.arange(lines), column]
-        which = np.flatnonzero(summit >= max(least, 1))
-        if len(which) == 0:
-            break
-        height[which, rank] = summit[which]
-        if rank == count:
-            break
-        column = column[which]
-        near = np.clip(column[:, None] + np.arange(-SUMMIT_REACH, SUMMIT_REACH + 1), 0, width - 1)
-        column = near[np.arange(len(which)), np.argmax(light[which[:, None], near], axis=1)]
-        peak = light[which, column].astype(np.float64)
-        across = column[:, None] + np.arange(-REACH, REACH + 1)
-        inside = (across >= 0) & (across < width)
-        around = np.where(inside, light[which[:, None], np.clip(across, 0, width - 1)], 0).astype(np.float64)
-        to_left, to_right = around[:, REACH::-1], around[:, REACH:]
-        high = _fall(to_left, HIGH * peak) + _fall(to_right, HIGH * peak)
-        low = _fall(to_left, LOW * peak) + _fall(to_right, LOW * peak)
-        centre[which, rank] = column + 0.5 * (_fall(to_right, 0.5 * peak) - _fall(to_left, 0.5 * peak))
-        # A bell's squared widths at two heights differ by 8 sigma^2 log(high / low), clipped or not.
-        sigma[which, rank] = np.sqrt(np.maximum(low * low - high * high, 0.0) / (8.0 * np.log(HIGH / LOW)))
-        # A peak ends where it has fallen to a quarter, and as much again further out.
-        ends = _fall(to_left, 0.25 * peak), _fall(to_right, 0.25 * peak)
-        spread = np.ceil(ends[0] + ends[1])
-        columns = np.arange(width)
-        taken = (columns >= (column - ends[0] - spread)[:, None]) & (
-            columns <= (column + ends[1] + spread)[:, None]
-        )
-        left[which] = np.where(taken, 0, left[which])
-    return Peaks(height, centre, sigma, _texture(response))
-
-
-def _texture(response: Image) -> float:
-    sample = response[::TEXTURE_STEP]
-    padded = np.pad(sample, ((0, 0), (0, -sample.shape[1] % BLOCK)))
-    summits = np.sort(padded.reshape(-1, BLOCK).max(axis=1))
-    return float(summits[(len(summits) + 3) // 4 - 1])
-
-
-def _fall(flank: Floats, level: Floats) -> Floats:
-    """How far from the summit (N, R + 1) the flank crosses a level for the first time; R where never."""
-    below = flank[:, 1:] < level[:, None]
-    at = np.argmax(below, axis=1)
-    rows = np.arange(len(flank))
-    upper, lower = flank[rows, at], flank[rows, at + 1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        distance = at + (upper - level) / (upper - lower)
-    return np.where(below.any(axis=1), distance, float(flank.shape[1] - 1))
-
-
-def cut_windows_between(
-    lit: Image,
-    dark: Image,
-    channel: int,
-    line: NDArray[np.intp],
-    column: NDArray[np.intp],
-    half: int,
-    core: int,
-    albedo_noise: float,
-) -> Windows:
-    """Windows of lit minus dark, evened out where the surface itself changes its brightness.
-
-    Args:
-        lit, dark: (H, W, 3) or (H, W).
-        channel: which channel of a colour picture.
-        line, column: (N,) middle of each window.
-        half: pixels to either side.
-        core: clipped pixels are counted this far from the middle.
-        albedo_noise: variance of a dark pixel beyond its shot noise; 0 leaves the albedo alone.
-    """
-    on, inside = _cut(lit, channel, line, column, half)
-    off, _ = _cut(dark, channel, line, column, half)
-    is_clipped = on >= CLIPPED_FROM
-    signal = np.where(inside, on - off, 0.0)
-    count = np.maximum(inside.sum(axis=1), 1)
-    level = np.where(inside, off, 0.0).sum(axis=1) / count
-    clipped = is_clipped[:, half - core : half + core + 1].sum(axis=1)
-    if albedo_noise > 0.0:
-        spread = np.where(inside, (off - level[:, None]) ** 2, 0.0).sum(axis=1) / count
-        darkest = np.where(inside, off, np.inf).min(axis=1)
-        evens = (darkest >= 25.0) & (spread > 0.01 * level * level) & (clipped == 0)
-        evens &= spread > 16.0 * (albedo_noise + 0.03 * level)
-        share = np.where(evens[:, None] & inside, level[:, None] / np.maximum(off, 1.0), 1.0)
-        signal = signal * share
-    return Windows(signal, inside & ~is_clipped, clipped, 2.0 * level, np.zeros(len(line)))
-
-
-def cut_windows(
-    lit: Image,
-    light: Image,
-    channel: int,
-    line: NDArray[np.intp],
-    column: NDArray[np.intp],
-    half: int,
-    core: int,
-    foot: int,
-) -> Windows:
-    """Windows of one picture, of what rises above its surroundings.
-
-    What lies just beyond the core on both sides is no stripe, and is taken off. The background's own edges
-    are what `light` is free of; how high they are is told.
-
-    Args:
-        lit: (H, W, 3) or (H, W).
-        light: (H, W) brightness above the surroundings.
-        channel: which channel of a colour picture.
-        line, column: (N,) middle of each window.
-        half: pixels to either side.
-        core: the stripe reaches this far from the middle; there the background's edges are measured.
-        foot: pixels beyond it that show the background; half is at least core + foot.
-    """
-    on, inside = _cut(lit, channel, line, column, half)
-    risen, _ = _cut(light, 0, line, column, half)
-    is_clipped = on >= CLIPPED_FROM
-    feet = slice(half - core - foot, half - core), slice(half + core + 1, half + core + 1 + foot)
-    rims = slice(half - core - 1, half - core + 2), slice(half + core - 1, half + core + 2)
-    before, after = (_mean_inside(on[:, part], inside[:, part]) for part in rims)
-    low = np.fmin(*(_mean_inside(risen[:, part], inside[:, part]) for part in feet))
-    before, after = np.where(np.isnan(before), after, before), np.where(np.isnan(after), before, after)
-    before, after, low = np.nan_to_num(before), np.nan_to_num(after), np.nan_to_num(low)
-    signal = np.where(inside, risen - low[:, None], 0.0)
-    clipped = is_clipped[:, half - core : half + core + 1].sum(axis=1)
-    return Windows(signal, inside & ~is_clipped, clipped, 0.5 * (before + after), np.abs(after - before))
-
-
-def _mean_inside(values: Floats, inside: NDArray[np.bool_]) -> Floats:
-    """Mean (N,) of each row's values inside the picture; NaN where there are none."""
-    many = inside.sum(axis=1)
-    total = np.where(inside, values, 0.0).sum(axis=1)
-    return np.where(many > 0, total / np.maximum(many, 1), np.nan)
-
-
-def _cut(
-    image: Image, channel: int, line: NDArray[np.intp], column: NDArray[np.intp], half: int
-) -> tuple[Floats, NDArray[np.bool_]]:
-    across = column[:, None] + np.arange(-half, half + 1)
-    inside = (across >= 0) & (across < image.shape[1])
-    plane = image if image.ndim == 2 else image[:, :, channel]
-    values = plane[line[:, None], np.clip(across, 0, image.shape[1] - 1)].astype(np.float64)
-    return np.where(inside, values, 0.0), inside
 
 
 def refine(windows: Windows, shape: Shape, is_scored: bool) -> tuple[Refined, Refined]:
@@ -290,7 +95,7 @@ def _amplitude(windows: Windows, x: Floats, shape: Shape, offsets: Floats) -> Fl
     near = np.abs(offsets - x[:, None]) <= SCORING_REACH * shape.sigma
     bell = _bell(offsets - x[:, None], shape.sigma)
     inner = near & windows.usable
-    g = np.where(inner.any(axis=1)[:, None], np.where(inner, bell, 0.0), np.where(near, bell, 0.0))
+    g = np.where(inner.any(axis=1, keepdims=True), np.where(inner, bell, 0.0), np.where(near, bell, 0.0))
     energy = (g * g).sum(axis=1)
     amplitude: Floats = (g * windows.signal).sum(axis=1) / np.where(energy > 0.0, energy, 1.0)
     return amplitude
