@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from app.calibration.bare_table import on_bare_table
 from app.calibration.bundle import Columns, Corners, State, Stripes
 from app.calibration.laser_plane import solve_laser_plane
 from app.calibration.platter import UNIT_CORNERS, SheetStart, marker_points, start_sheet
@@ -197,6 +198,7 @@ class _Builder:
         corner_parts: list[_CornerPart] = []
         stripe_parts: list[_StripePart] = []
         sheet = -1
+        planes = self._planes()
         if self.start is not None and self.has_axis:
             sheet = 0
             reference = int(np.argmin([p.rms_px for p in self.start.poses]))
@@ -204,6 +206,7 @@ class _Builder:
             turned = [self._turned(poses[reference], other) for other in poses]
             zero = _common_zero(np.array([v.angle_rad for v in self.marked]), np.array(turned))
             bodies.append(self._at_zero(poses[reference], zero))
+            table_stripes = self._on_table(self.start, planes)
             for view, turn, found in zip(self.marked, turned, self.start.poses, strict=True):
                 if not np.isfinite(found.rms_px):
                     continue
@@ -211,12 +214,8 @@ class _Builder:
                 view_angle[number] = len(angles)
                 angles.append(zero + turn)
                 corner_parts.append(self._marker_corners(view, number, view_angle[number], self.start.ids))
-                for laser, stripe in view.stripes.items():
-                    if laser in self.lasers:
-                        near = self._near_markers(found.camera_from_board, stripe)
-                        stripe_parts.append(
-                            self._stripe(stripe.select(near), number, 0, view_angle[number], laser, 1)
-                        )
+                for laser, stripe in table_stripes.get(view.name, {}).items():
+                    stripe_parts.append(self._stripe(stripe, number, 0, view_angle[number], laser, 1))
         placed: dict[str, int] = {}
         for board in self.boards:
             number = self.view_number[board.view.name]
@@ -251,7 +250,7 @@ class _Builder:
             self.camera.size,
             self.axis.point_mm,
             self.axis.direction,
-            self._planes(),
+            planes,
             np.array([b.rotation for b in bodies]).reshape(-1, 3, 3),
             np.array([b.translation for b in bodies]).reshape(-1, 3),
             np.array(angles),
@@ -298,11 +297,32 @@ class _Builder:
             planes[row] = [*plane.normal, plane.distance_mm]
         return planes
 
-    def _near_markers(self, pose: RigidTransform, stripe: LaserStripe) -> NDArray[np.bool_]:
-        """Stripe points that fall on the sheet near a marker."""
-        assert self.start is not None
-        on_sheet = (pose.inverse() @ points_on_board(self.camera, pose, stripe.pixels))[:, :2]
-        centres = marker_points(self.start.layout, self.marker_mm).mean(axis=1)[:, :2]
+    def _on_table(self, start: SheetStart, planes: Floats) -> dict[str, dict[str, LaserStripe]]:
+        """The stripes on the sheet of markers, by view and laser."""
+        on_table: dict[str, dict[str, LaserStripe]] = {}
+        for laser, plane in zip(self.lasers, planes, strict=True):
+            stripes: dict[str, LaserStripe] = {}
+            near: list[Points] = [np.zeros((0, 3))]
+            for view, pose in zip(self.marked, start.poses, strict=True):
+                if laser in view.stripes and np.isfinite(pose.rms_px):
+                    sheet, stripe = pose.camera_from_board, view.stripes[laser]
+                    points = points_on_board(self.camera, sheet, stripe.pixels)
+                    is_near = self._near_markers(start, sheet, points)
+                    stripes[view.name] = stripe.select(is_near)
+                    near.append(points[is_near])
+            lies = on_bare_table(
+                np.concatenate(near), plane[:3], float(plane[3]), float(self.camera.matrix[0, 0])
+            )
+            ends = np.cumsum([len(stripe) for stripe in stripes.values()])
+            for (name, stripe), mask in zip(stripes.items(), np.split(lies, ends)[:-1], strict=True):
+                if mask.any():
+                    on_table.setdefault(name, {})[laser] = stripe.select(mask)
+        return on_table
+
+    def _near_markers(self, start: SheetStart, pose: RigidTransform, points: Points) -> NDArray[np.bool_]:
+        """Which points (N, 3) of the sheet's plane, camera frame, are near a marker."""
+        on_sheet = (pose.inverse() @ points)[:, :2]
+        centres = marker_points(start.layout, self.marker_mm).mean(axis=1)[:, :2]
         distance = np.abs(on_sheet[:, None] - centres[None]).max(axis=2).min(axis=1)
         near: NDArray[np.bool_] = distance < _MARKER_SURROUND * self.marker_mm
         return near
