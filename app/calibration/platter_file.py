@@ -37,7 +37,7 @@ def layout_of(record: CalibrationRecord) -> dict[int, Points]:
         place = f"platter.corners_mm.{number}"
         try:
             layout[int(number)] = np.array(listed, np.float64)
-        except (TypeError, ValueError) as error:
+        except (TypeError, ValueError, OverflowError) as error:
             raise CalibrationFileError(record.source, f"{place} is not four points") from error
         if layout[int(number)].shape != (4, 3) or not np.isfinite(layout[int(number)]).all():
             raise CalibrationFileError(record.source, f"{place} is not four points")
