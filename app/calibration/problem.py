@@ -112,7 +112,9 @@ def board_views(
         for laser, stripe in view.stripes.items():
             lies_on = stripe_on_board(camera, pose.camera_from_board, evidence.board, stripe.pixels)
             on_board = stripe.select(lies_on)
-            is_clear = clear_of_edges(camera, pose.camera_from_board, evidence.board, on_board, view.across)
+            is_clear = clear_of_edges(
+                camera, pose.camera_from_board, evidence.board, on_board, view.across_of(laser)
+            )
             if np.count_nonzero(is_clear) >= _FEWEST_STRIPE_POINTS:
                 stripes[laser] = on_board.select(is_clear)
         seen.append(BoardView(view, pose, stripes))
@@ -346,7 +348,7 @@ class _Builder:
         pixels, sigma = thinned(stripe, _STRIPE_POINTS)
         row = self.lasers.index(laser)
         return _StripePart(
-            pixels, sigma, body, int(angle), row, self.views[number].across, number,
+            pixels, sigma, body, int(angle), row, self.views[number].across_of(laser), number,
             2 + kind * len(self.lasers) + row,
         )  # fmt: skip
 

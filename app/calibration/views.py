@@ -42,7 +42,7 @@ class View:
         board: corners of the board.
         markers: markers on the table.
         stripes: the stripe of each laser, over the whole picture.
-        across: 0 where the stripes were located along u (they run down the picture), else 1.
+        across: for each laser, 0 where its stripe was located along u (it runs down the picture), else 1.
     """
 
     name: str
@@ -52,7 +52,11 @@ class View:
     board: BoardObservation
     markers: MarkerObservation
     stripes: Mapping[str, LaserStripe]
-    across: int = 0
+    across: Mapping[str, int] = field(default_factory=dict)
+
+    def across_of(self, laser: str) -> int:
+        """0 where the laser's stripe was located along u, which is usual, or 1."""
+        return self.across.get(laser, 0)
 
     @property
     def is_on_table(self) -> bool:
@@ -212,7 +216,7 @@ def _look_at(
     if not board.is_found and len(markers.ids) == 0:
         return None, problems
     stripes: dict[str, LaserStripe] = {}
-    orientation: Orientation = "vertical"
+    across: dict[str, int] = {}
     for shot in lit:
         colour = recording.lasers[shot.lasers_on[0]]
         looks = [
@@ -223,9 +227,9 @@ def _look_at(
         for name, stripe in zip(shot.lasers_on, found, strict=False):
             if len(stripe):
                 stripes[name] = stripe
+                across[name] = 0 if orientation == "vertical" else 1
             else:
                 problems.append((shot.name, f"laser {name} was not seen"))
-    across = 0 if orientation == "vertical" else 1
     view = View(
         shots[0].name, role, situation.placement, situation.angle_rad, board, markers, stripes, across
     )
