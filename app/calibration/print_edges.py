@@ -17,6 +17,7 @@ _FOOT_SIGMAS = 2.5
 _BLUR_PX = 1.5
 # Of a square's side, at most, so that a wide stripe on small squares keeps the middle of each.
 _LARGEST_SHARE = 0.2
+_OUTSIDE = -2.0
 
 
 def clear_of_edges(
@@ -25,14 +26,14 @@ def clear_of_edges(
     """Mask (N,) of the stripe points whose light falls into one square of a chessboard or beside them all.
 
     The error of a point at an edge repeats in its neighbours, so that no average and no robust loss removes
-    it; a stripe that runs along an edge is wrong as a whole. The prints of other boards leave too little
-    between their edges, and all points are taken.
+    it; a stripe that runs along an edge is wrong as a whole. Of a ChArUco board the black squares and the
+    margin are clear. Dots leave too little between their edges, and all points are taken.
 
     Args:
         pose: camera from board.
         across: 0 where the stripe was located along u, else 1.
     """
-    if board.kind != "chessboard" or not len(stripe):
+    if board.kind not in ("chessboard", "charuco") or not len(stripe):
         return np.ones(len(stripe), np.bool_)
     side_px = board.spacing_mm * float(camera.matrix[0, 0]) / float(np.linalg.norm(pose.translation))
     foot = min(_FOOT_SIGMAS * float(np.median(stripe.width)), _LARGEST_SHARE * side_px)
@@ -40,6 +41,10 @@ def clear_of_edges(
     around = [np.array([i, j]) * reach for i in (-1.0, 1.0) for j in (-1.0, 1.0)]
     squares = [_squares(camera, pose, board, stripe.pixels + offset) for offset in around]
     clear: NDArray[np.bool_] = np.all([square == squares[0] for square in squares], axis=(0, 2))
+    if board.kind == "charuco":
+        # The square before the first inner corner is black, its neighbours carry the markers.
+        is_black = squares[0].sum(axis=1) % 2 == 0
+        clear &= is_black | (squares[0][:, 0] == _OUTSIDE)
     return clear
 
 
@@ -49,7 +54,8 @@ def _squares(
     """Column and row (N, 2) of the square that each pixel shows; one and the same outside the pattern."""
     on_board = pose.inverse() @ points_on_board(camera, pose, pixels)
     square = np.floor(on_board[:, :2] / board.spacing_mm)
-    last = np.array([board.columns, board.rows]) - 1.0
+    rows, columns = board.shape
+    last = np.array([columns, rows]) - 1.0
     outside = np.any((square < -1.0) | (square > last), axis=1)
-    square[outside] = -2.0
+    square[outside] = _OUTSIDE
     return square

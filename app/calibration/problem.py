@@ -32,7 +32,7 @@ _STRIPE_POINTS = 120
 _FEWEST_STRIPE_POINTS = 12
 _WORST_VIEW_PX = 2.0
 # Around a marker, in sides from its centre, the stripe is taken to lie on the table.
-_MARKER_SURROUND = 1.0
+_MARKER_CLEAR, _MARKER_SURROUND = 0.65, 1.3
 _FEWEST_FOR_SCALE = 150
 
 
@@ -326,7 +326,9 @@ class _Builder:
         on_sheet = (pose.inverse() @ points)[:, :2]
         centres = marker_points(start.layout, self.marker_mm).mean(axis=1)[:, :2]
         distance = np.abs(on_sheet[:, None] - centres[None]).max(axis=2).min(axis=1)
-        near: NDArray[np.bool_] = distance < _MARKER_SURROUND * self.marker_mm
+        near: NDArray[np.bool_] = (distance > _MARKER_CLEAR * self.marker_mm) & (
+            distance < _MARKER_SURROUND * self.marker_mm
+        )
         return near
 
     def _marker_corners(self, view: View, number: int, angle: np.intp, ids: tuple[int, ...]) -> "_CornerPart":

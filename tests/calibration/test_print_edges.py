@@ -1,5 +1,4 @@
 import numpy as np
-import pytest
 from numpy.testing import assert_array_equal
 
 from app.calibration.print_edges import clear_of_edges
@@ -65,14 +64,18 @@ def test_a_stripe_across_the_picture_is_kept_clear_of_the_edges_above_and_below_
     assert_array_equal(_clear(along_row, across=1), [False, True])
 
 
-@pytest.mark.parametrize("kind", ["charuco", "circles"])
-def test_other_boards_keep_the_whole_stripe(kind: str) -> None:
-    board = (
-        BoardSpec("charuco", 6, 5, 10.0, 7.0, "DICT_4X4_50")
-        if kind == "charuco"
-        else BoardSpec("circles", 5, 4, 10.0)
-    )
-    assert _clear(_stripe(243.0), board=board).all()
+def test_a_board_of_dots_keeps_the_whole_stripe() -> None:
+    assert _clear(_stripe(243.0), board=BoardSpec("circles", 5, 4, 10.0)).all()
+
+
+def test_a_charuco_board_keeps_half_of_its_squares_and_none_that_holds_a_marker() -> None:
+    chessboard = BoardSpec("chessboard", 5, 4, 10.0)
+    charuco = BoardSpec("charuco", 6, 5, 10.0, 7.0, "DICT_4X4_50")
+    for column in (261.0, 300.0):
+        in_squares = _clear(_stripe(column), board=chessboard)
+        kept = _clear(_stripe(column), board=charuco)
+        assert not (kept & ~in_squares).any()
+        assert 0 < np.count_nonzero(kept) < np.count_nonzero(in_squares)
 
 
 def test_no_stripe_gives_an_empty_mask() -> None:
