@@ -224,6 +224,25 @@ def test_without_a_stripe_across_them_the_stated_side_of_the_markers_holds() -> 
     np.testing.assert_allclose(found.rig.axis.origin, views.rig.axis.origin, atol=0.05)
 
 
+def test_an_object_on_the_table_does_not_bend_the_planes() -> None:
+    views = with_markers(12, 19.6)
+    rng = np.random.default_rng(0)
+    crowded = []
+    for view in views.views:
+        if view.role is Role.SCAN and "left" in view.stripes:
+            stripe = view.stripes["left"]
+            pixels = stripe.pixels.copy()
+            is_object = np.arange(len(stripe)) > 0.4 * len(stripe)
+            pixels[is_object, 0] += rng.uniform(-60.0, 60.0, int(is_object.sum()))
+            view = replace(view, stripes={"left": replace(stripe, pixels=pixels)})
+        crowded.append(view)
+    found = solve_joint(
+        replace(views.evidence(), views=tuple(crowded)), views.rig.camera, refine_camera=False
+    )
+    assert surface_error_mm(views.rig, found.rig) < 0.02
+    assert found.chi < 2.0
+
+
 def test_markers_alone_give_axis_and_table() -> None:
     views = SyntheticViews(typical_rig(), np.random.default_rng(10))
     commanded = np.arange(0.0, 360.0, 20.0)
