@@ -7,7 +7,6 @@ from numpy.typing import NDArray
 
 from app.geometry.arrays import Floats
 from app.vision.kernels import Kernels, twin
-from app.vision.segments import has_company, noise_scale, segments_of, smooth_within
 from app.vision.stripe import Image, LaserStripe, LaserView, Orientation
 from app.vision.threshold import across_lines, laser_channel, ridge_response
 
@@ -131,25 +130,37 @@ class Measured:
 
 
 def stripes_of(
-    found: Measured, orientation: Orientation, count: int, smooth_rows: int = 0, measures_noise: bool = False
+    found: Measured,
+    orientation: Orientation,
+    count: int,
+    kernels: Kernels,
+    smooth_rows: int = 0,
+    measures_noise: bool = True,
 ) -> list[LaserStripe]:
     """Peaks made into `count` stripes, in the order in which they lie across the lines.
 
     Peaks without neighbours along the stripe are left out.
     """
     return [
-        _stripe(found.where(found.track == number), orientation, smooth_rows, measures_noise)
+        _stripe(
+            found if count == 1 else found.where(found.track == number),
+            orientation,
+            kernels,
+            smooth_rows,
+            measures_noise,
+        )  # fmt: skip
         for number in range(count)
     ]
 
 
-def _stripe(found: Measured, orientation: Orientation, smooth_rows: int, measures_noise: bool) -> LaserStripe:
-    found = found.where(has_company(found.line, found.across))
-    line, across, variance = found.line, found.across, found.variance
-    segment = segments_of(line, across)
-    if measures_noise:
-        variance = variance * noise_scale(across, variance, segment)
-    across, variance = smooth_within(line, across, variance, segment, smooth_rows)
+def _stripe(
+    found: Measured, orientation: Orientation, kernels: Kernels, smooth_rows: int, measures_noise: bool
+) -> LaserStripe:
+    found = found.where(kernels.has_company(found.line, found.across))
+    line = found.line
+    across, variance, segment = kernels.along_pieces(
+        line, found.across, found.variance, smooth_rows, measures_noise
+    )
     pixels = np.empty((len(line), 2))
     pixels[:, 0], pixels[:, 1] = (across, line) if orientation == "vertical" else (line, across)
     return LaserStripe(

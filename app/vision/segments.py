@@ -5,10 +5,18 @@ from numpy.typing import NDArray
 
 from app.geometry.arrays import Floats
 
+LARGEST_STEP_PX = 2.0
+"""A larger step between neighbouring lines is an edge in depth."""
+LONG_PIECE = 20
+"""Lines."""
+LEAST_BENDS = 30
+"""Fewer inner points do not tell how rough a stripe is."""
 _MAD_TO_SIGMA = 1.4826
 
 
-def segments_of(line: NDArray[np.intp], across: Floats, largest_step_px: float = 2.0) -> NDArray[np.intp]:
+def segments_of(
+    line: NDArray[np.intp], across: Floats, largest_step_px: float = LARGEST_STEP_PX
+) -> NDArray[np.intp]:
     """Number of the unbroken piece (N,) every point belongs to.
 
     A piece ends where a line is missing and where the position steps away from the stripe's own slope.
@@ -34,7 +42,7 @@ def _running_median(values: Floats, reach: int = 3) -> Floats:
     return median
 
 
-def in_long_pieces(line: NDArray[np.intp], across: Floats, least: int = 20) -> NDArray[np.bool_]:
+def in_long_pieces(line: NDArray[np.intp], across: Floats, least: int = LONG_PIECE) -> NDArray[np.bool_]:
     """Whether (N,) a point belongs to an unbroken piece of so many lines, as clutter rarely does.
 
     Args:
@@ -83,7 +91,7 @@ def noise_scale(across: Floats, variance: Floats, segment: NDArray[np.intp]) -> 
     along the stripe, and a surface may be rough.
     """
     second = roughness(across, segment)
-    if len(second) < 30:
+    if len(second) < LEAST_BENDS:
         return 1.0
     inner = segment[2:] == segment[:-2]
     expected = (variance[2:] + 4.0 * variance[1:-1] + variance[:-2])[inner]

@@ -44,7 +44,7 @@ class CentroidDetector:
             _GREY_VARIANCE * squares.sum(axis=1) / mass**2,
             np.sqrt((window * squares).sum(axis=1) / mass), peaks.second, clipped,
         )  # fmt: skip
-        return stripes_of(found, view.orientation, count, measures_noise=True)
+        return stripes_of(found, view.orientation, count, kernels())
 
 
 STRIPE_DETECTORS.register("centroid", CentroidDetector)

@@ -46,7 +46,7 @@ class ThresholdDetector:
             # Sigma of the even distribution over the run.
             (pixels / np.sqrt(12.0))[which], peaks.second[which], clipped[which],
         )  # fmt: skip
-        return stripes_of(found, view.orientation, count, measures_noise=True)
+        return stripes_of(found, view.orientation, count, kernels())
 
 
 STRIPE_DETECTORS.register("threshold", ThresholdDetector)

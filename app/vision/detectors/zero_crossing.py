@@ -10,7 +10,6 @@ from app.vision.candidates import Candidates, Measured, find_candidates, stripes
 from app.vision.kernels import Kernels, kernels
 from app.vision.kernels.results import Refined, Shape, Windows
 from app.vision.noise import LARGEST_CONTRAST, measured_shape
-from app.vision.segments import in_long_pieces, roughness, segments_of
 from app.vision.stripe import STRIPE_DETECTORS, LaserStripe, LaserView
 
 # Without a dark partner the edge of a surface's own brightness pulls at the stripe: by this many pixels
@@ -92,7 +91,9 @@ class ZeroCrossingDetector:
             peaks.line, peaks.track, across, refined.amplitude, variance, refined.width, peaks.second,
             saturated,
         )  # fmt: skip
-        return stripes_of(found.where(keep), view.orientation, count, self.smooth_rows, self.measures_noise)
+        return stripes_of(
+            found.where(keep), view.orientation, count, fast, self.smooth_rows, self.measures_noise
+        )
 
     def _cut(self, peaks: Candidates, column: NDArray[np.intp], shape: Shape, fast: Kernels) -> Windows:
         core = int(np.ceil(_FOOT_SIGMAS * shape.sigma))
@@ -113,21 +114,18 @@ class ZeroCrossingDetector:
         n = len(column)
         if self.measures_noise:
             windows = windows._replace(floor=np.zeros(n))
-            steady = in_long_pieces(peaks.line, peaks.centre)
+            steady = fast.in_long_pieces(peaks.line, peaks.centre)
             shape = measured_shape(windows, steady, shape, fast, self.sigma_px > 0.0)
         wants_scoring = shape.contrast < LARGEST_CONTRAST if self.scoring is None else self.scoring
         plain, scored = fast.refine(windows, shape, wants_scoring)
         if self.scoring is not None or not wants_scoring:
             return scored
-        is_smooth = _rough(scored, peaks, column) <= _ROUGHER * _rough(plain, peaks, column)
+        rough = [
+            fast.median_bend(peaks.line[fit.is_found], (column + fit.offset)[fit.is_found])
+            for fit in (scored, plain)
+        ]
+        is_smooth = rough[0] <= _ROUGHER * rough[1]
         return scored if is_smooth else plain
-
-
-def _rough(refined: Refined, peaks: Candidates, column: NDArray[np.intp]) -> float:
-    which = np.flatnonzero(refined.is_found)
-    across: Floats = (column + refined.offset)[which]
-    second = roughness(across, segments_of(peaks.line[which], across))
-    return float(np.median(np.abs(second))) if len(second) else 0.0
 
 
 STRIPE_DETECTORS.register("zero-crossing", ZeroCrossingDetector)

@@ -36,6 +36,16 @@ class Kernels(Protocol):
 
     def noise_terms(self, means: Floats, squares: Floats, least: float) -> tuple[float, float, float]: ...
 
+    def has_company(self, line: NDArray[np.intp], across: Floats) -> NDArray[np.bool_]: ...
+
+    def in_long_pieces(self, line: NDArray[np.intp], across: Floats) -> NDArray[np.bool_]: ...
+
+    def median_bend(self, line: NDArray[np.intp], across: Floats) -> float: ...
+
+    def along_pieces(
+        self, line: NDArray[np.intp], across: Floats, variance: Floats, rows: int, measures_noise: bool
+    ) -> tuple[Floats, Floats, NDArray[np.intp]]: ...
+
 
 @cache
 def kernels(compiled: bool | None = None) -> Kernels:

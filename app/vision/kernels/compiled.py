@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.geometry.arrays import Floats
-from app.vision.kernels import cutting, fitting, searching, terms
+from app.vision.kernels import cutting, fitting, piecing, searching, terms
 from app.vision.kernels.jit import compiled
 from app.vision.kernels.results import (
     BLOCK,
@@ -25,6 +25,7 @@ from app.vision.kernels.results import (
     Shape,
     Windows,
 )
+from app.vision.segments import LARGEST_STEP_PX, LEAST_BENDS, LONG_PIECE
 from app.vision.stripe import Image
 
 _noise_terms = compiled(terms.noise_terms)
@@ -144,6 +145,39 @@ def noise_terms(means: Floats, squares: Floats, least: float) -> tuple[float, fl
     """As in `twin`."""
     found: tuple[float, float, float] = _noise_terms(means, squares, least)
     return found
+
+
+def has_company(line: NDArray[np.intp], across: Floats) -> NDArray[np.bool_]:
+    """As in `segments`."""
+    company: NDArray[np.bool_] = piecing.company(line, across)
+    return company
+
+
+def in_long_pieces(line: NDArray[np.intp], across: Floats) -> NDArray[np.bool_]:
+    """As in `segments`."""
+    is_long: NDArray[np.bool_] = piecing.long_pieces(
+        piecing.pieces(line, across, LARGEST_STEP_PX), LONG_PIECE
+    )
+    return is_long
+
+
+def median_bend(line: NDArray[np.intp], across: Floats) -> float:
+    """As in `twin`."""
+    return float(piecing.median_bend(across, piecing.pieces(line, across, LARGEST_STEP_PX)))
+
+
+def along_pieces(
+    line: NDArray[np.intp], across: Floats, variance: Floats, rows: int, measures_noise: bool
+) -> tuple[Floats, Floats, NDArray[np.intp]]:
+    """As in `twin`."""
+    segment = piecing.pieces(line, across, LARGEST_STEP_PX)
+    if measures_noise:
+        variance = variance * piecing.noise_scale(across, variance, segment, LEAST_BENDS)
+    if rows >= 2:
+        rough, across, spread = across, np.empty_like(across), np.empty_like(across)
+        piecing.smooth(line, rough, variance, segment, rows, across, spread)
+        variance = spread
+    return across, variance, segment
 
 
 def _flat(image: Image) -> Image:
