@@ -19,7 +19,7 @@ from app.vision.stripe import StripeDetector
 
 _TOLERATED_MM = 0.5
 _WOBBLE_MM = 1.0
-_CHI_SUSPECT = 3.0
+_CHI_SUSPECT, _CHI_WRONG = 3.0, 12.0
 
 
 def calibrate(
@@ -105,7 +105,7 @@ def _joint_outcome(
         )
     notes = [*camera.notes, *found.warnings]
     if found.chi > _CHI_SUSPECT:
-        notes.append(
+        (doubts if found.chi > _CHI_WRONG else notes).append(
             f"The residuals are {found.chi:.1f} times what good corners and stripes leave (chi): blurred or "
             "compressed pictures, a board that is not flat, or distortion that the model does not cover."
         )

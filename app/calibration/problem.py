@@ -1,7 +1,7 @@
 """From views to the arrays of the bundle adjustment, with start values for every unknown."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from app.calibration.bare_table import on_bare_table
 from app.calibration.bundle import Columns, Corners, State, Stripes
 from app.calibration.laser_plane import solve_laser_plane
+from app.calibration.lit_together import swapped_pairs
 from app.calibration.platter import UNIT_CORNERS, SheetStart, marker_points, start_sheet
 from app.calibration.poses import BoardPose, board_pose, points_on_board, stripe_on_board
 from app.calibration.print_edges import clear_of_edges
@@ -118,7 +119,23 @@ def board_views(
             if np.count_nonzero(is_clear) >= _FEWEST_STRIPE_POINTS:
                 stripes[laser] = on_board.select(is_clear)
         seen.append(BoardView(view, pose, stripes))
-    return seen, dropped
+    return _told_apart(seen, camera), dropped
+
+
+def _told_apart(boards: list[BoardView], camera: CameraIntrinsics) -> list[BoardView]:
+    """The same views, each stripe given to its laser where two were lit in one picture."""
+    for names in {board.view.together for board in boards if len(board.view.together) == 2}:
+        shared = [
+            k for k, b in enumerate(boards) if b.view.together == names and b.stripes.keys() >= set(names)
+        ]
+        pairs = [(boards[k].points(camera, names[0]), boards[k].points(camera, names[1])) for k in shared]
+        across = boards[shared[0]].view.across_of(names[0]) if shared else 0
+        for k, is_swapped in zip(shared, swapped_pairs(pairs, across), strict=True):
+            if is_swapped:
+                stripes = dict(boards[k].stripes)
+                stripes[names[0]], stripes[names[1]] = stripes[names[1]], stripes[names[0]]
+                boards[k] = replace(boards[k], stripes=stripes)
+    return boards
 
 
 def pose_problem(

@@ -43,6 +43,7 @@ class View:
         markers: markers on the table.
         stripes: the stripe of each laser, over the whole picture.
         across: for each laser, 0 where its stripe was located along u (it runs down the picture), else 1.
+        together: lasers whose stripes come from one picture, so that either may be the other's.
     """
 
     name: str
@@ -53,6 +54,7 @@ class View:
     markers: MarkerObservation
     stripes: Mapping[str, LaserStripe]
     across: Mapping[str, int] = field(default_factory=dict)
+    together: tuple[str, ...] = ()
 
     def across_of(self, laser: str) -> int:
         """0 where the laser's stripe was located along u, which is usual, or 1."""
@@ -217,12 +219,15 @@ def _look_at(
         return None, problems
     stripes: dict[str, LaserStripe] = {}
     across: dict[str, int] = {}
+    together: tuple[str, ...] = ()
     for shot in lit:
         colour = recording.lasers[shot.lasers_on[0]]
         looks = [
             LaserView(shot.image, None if dark is None else dark.image, colour, way)
             for way in get_args(Orientation)
         ]
+        if len(shot.lasers_on) > 1:
+            together = shot.lasers_on
         found, orientation = _best_stripes(looks, len(shot.lasers_on), detector)
         for name, stripe in zip(shot.lasers_on, found, strict=False):
             if len(stripe):
@@ -231,8 +236,9 @@ def _look_at(
             else:
                 problems.append((shot.name, f"laser {name} was not seen"))
     view = View(
-        shots[0].name, role, situation.placement, situation.angle_rad, board, markers, stripes, across
-    )
+        shots[0].name, role, situation.placement, situation.angle_rad, board, markers, stripes, across,
+        together,
+    )  # fmt: skip
     return view, problems
 
 
@@ -249,7 +255,7 @@ def _best_stripes(
 ) -> tuple[list[LaserStripe], Orientation]:
     """The stripes of one picture and the way they run: the way in which they hang together over more lines.
 
-    Several lasers in one picture are taken to be listed as they lie on the board, from left to right.
+    Several lasers in one picture are taken to be listed from left to right.
     """
     best: tuple[list[LaserStripe], Orientation] = ([], "vertical")
     most = -1
