@@ -141,16 +141,11 @@ def stripes_of(
 
     Peaks without neighbours along the stripe are left out.
     """
-    return [
-        _stripe(
-            found if count == 1 else found.where(found.track == number),
-            orientation,
-            kernels,
-            smooth_rows,
-            measures_noise,
-        )  # fmt: skip
-        for number in range(count)
-    ]
+    stripes = []
+    for number in range(count):
+        own = found if count == 1 else found.where(found.track == number)
+        stripes.append(_stripe(own, orientation, kernels, smooth_rows, measures_noise))
+    return stripes
 
 
 def _stripe(

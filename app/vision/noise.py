@@ -8,7 +8,6 @@ from app.vision.kernels.results import Shape, Windows
 
 _LINES = 120
 _FEW = 40
-_SHAPE_REACH = 3.5
 _MISFIT_LIMIT = 6.0
 _ROUNDS = 3
 _LEAST_PIXELS = 300
@@ -59,12 +58,7 @@ def measured_shape(
 def _well_fitted(sample: Windows, shape: Shape, kernels: Kernels) -> NDArray[np.intp]:
     """Lines that look like most others: clutter that is as bright as a stripe has another shape."""
     fit, _ = kernels.refine(sample, shape, False)
-    half = sample.signal.shape[1] // 2
-    distance = np.arange(-half, half + 1) - fit.offset[:, None]
-    model = fit.amplitude[:, None] * np.exp(-(distance**2) / (2.0 * shape.sigma**2))
-    inside = sample.usable & (np.abs(distance) <= _SHAPE_REACH * shape.sigma)
-    misfit = np.where(inside, (sample.signal - model) ** 2, 0.0).sum(axis=1)
-    misfit /= np.maximum(fit.amplitude, 1.0) ** 2
+    misfit = kernels.misfits(sample, fit, shape)
     known = misfit[fit.is_found]
     if len(known) == 0:
         return np.zeros(0, np.intp)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from app.geometry.arrays import Floats
 from app.vision.candidates import Candidates, Measured, find_candidates, stripes_of
 from app.vision.kernels import Kernels, kernels
 from app.vision.kernels.results import Refined, Shape, Windows

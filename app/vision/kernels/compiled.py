@@ -130,6 +130,14 @@ def refine(windows: Windows, shape: Shape, is_scored: bool) -> tuple[Refined, Re
     return first, Refined(scored[0], scored[1], scored[2], scored[3], is_found) if is_scored else first
 
 
+def misfits(windows: Windows, fit: Refined, shape: Shape) -> Floats:
+    """As in `twin`."""
+    found: Floats = fitting.misfits(
+        windows.signal, windows.usable, fit.offset, fit.amplitude, shape.sigma, SCORING_REACH * shape.sigma
+    )
+    return found
+
+
 def leftovers(windows: Windows, fit: Refined, shape: Shape) -> Leftovers:
     """As in `twin`."""
     means, squares = np.zeros((CLASSES, 3)), np.zeros(CLASSES)

@@ -57,7 +57,7 @@ def long_pieces(segment, least):
 
 @compiled
 def median_bend(across, segment):
-    """Median of how far inner points lie off the middle of their neighbours, doubled; 0 where there are none."""
+    """Median of how far inner points lie off the middle of their neighbours, doubled, px."""
     bends = np.empty(len(across))
     many = 0
     for i in range(len(across) - 2):

@@ -66,8 +66,8 @@ class Windows(NamedTuple):
 
     def select(self, which: NDArray[np.intp]) -> "Windows":
         return Windows(
-            self.signal[which], self.usable[which], self.clipped[which], self.floor[which],
-            self.asymmetry[which],
+            self.signal.take(which, axis=0), self.usable.take(which, axis=0), self.clipped.take(which),
+            self.floor.take(which), self.asymmetry.take(which),
         )  # fmt: skip
 
 

@@ -168,6 +168,17 @@ def _score(
     return x, a, 1.0 / np.where(information > 0.0, information, 1.0), fits
 
 
+def misfits(windows: Windows, fit: Refined, shape: Shape) -> Floats:
+    """How far (N,) windows are from the plain bell of a fit: squared residuals over the squared amplitude."""
+    half = windows.signal.shape[1] // 2
+    distance = np.arange(-half, half + 1) - fit.offset[:, None]
+    model = fit.amplitude[:, None] * _bell(distance, shape.sigma)
+    inside = windows.usable & (np.abs(distance) <= SCORING_REACH * shape.sigma)
+    misfit: Floats = np.where(inside, (windows.signal - model) ** 2, 0.0).sum(axis=1)
+    misfit /= np.maximum(fit.amplitude, 1.0) ** 2
+    return misfit
+
+
 def leftovers(windows: Windows, fit: Refined, shape: Shape) -> Leftovers:
     """What a scored fit leaves over in its windows."""
     half = windows.signal.shape[1] // 2
