@@ -20,6 +20,7 @@ _UNKNOWN_SHADE = 0.8
 # Light comes over the viewer's left shoulder: right, up, towards the viewer.
 _LIGHT = np.array([-0.45, 0.6, 0.66])
 _EDGE_MM = 2.0
+_EDGE_ON, _ENOUGH_FACING = -0.15, 0.1
 _EDGE_DARKNESS = 0.55
 # Scans are often dark: colours are brightened until their bright end has this value.
 _BRIGHT, _BRIGHT_PERCENTILE, _MOST_GAIN = 225.0, 95.0, 5.0
@@ -65,6 +66,10 @@ def splatted(
     u = np.rint(relative @ view.right / mm_per_px + width / 2).astype(np.intp)
     v = np.rint(height / 2 - relative @ view.up / mm_per_px).astype(np.intp)
     inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+    # The far wall of a thing shows its back; seen between the points of the near one it looks like dirt.
+    faces_us = cloud.normals @ view.towards.astype(np.float32) > _EDGE_ON
+    if np.count_nonzero(inside & faces_us) > _ENOUGH_FACING * np.count_nonzero(inside):
+        inside &= faces_us
     if not inside.any():
         return canvas
     u, v, depth = u[inside], v[inside], (relative @ view.towards)[inside].astype(np.float32)
