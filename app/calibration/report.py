@@ -156,6 +156,7 @@ def _draw_residual_cloud(ax: Axes, outcome: CalibrationOutcome) -> None:
     reach = 4.0 * float(np.sqrt(np.mean(residuals**2))) if len(residuals) else 1.0
     ax.plot(residuals[:, 0], residuals[:, 1], ".", markersize=2.0, alpha=0.5, color="#1f6f8b")
     ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="du, px", ylabel="dv, px")
+    ax.locator_params(nbins=5)
     ax.grid(alpha=0.3)
 
 
