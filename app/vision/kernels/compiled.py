@@ -46,15 +46,13 @@ def find_peaks(response: Image, light: Image, least: int, count: int) -> Peaks:
 def _peaks(
     on: Image, off: Image, light: tuple[Image, Image, bool], stride: int, channel: int, least: int, count: int
 ) -> Peaks:
-    most = searching.maxima(on, off, stride, channel, BLOCK)
-    if on.shape[1] // stride % BLOCK:
-        searching.last_maxima(on, off, stride, channel, BLOCK, most)
-    many = np.cumsum(searching.summits(most, TEXTURE_STEP))
-    texture = float(np.searchsorted(many, (many[-1] + 3) // 4))
+    counts = np.zeros(256, np.int64)
     height, centre = np.zeros((len(on), count + 1)), np.zeros((len(on), count))
     sigma = np.full((len(on), count), np.nan)
     limits = max(least, 1), BLOCK, SUMMIT_REACH, REACH, HIGH, LOW, 8.0 * float(np.log(HIGH / LOW))
-    searching.peaks(on, off, *light, stride, channel, most, limits, height, centre, sigma)
+    searching.search(on, off, *light, stride, channel, limits, TEXTURE_STEP, counts, height, centre, sigma)
+    many = np.cumsum(counts)
+    texture = float(np.searchsorted(many, (many[-1] + 3) // 4))
     return Peaks(height, centre, sigma, texture)
 
 

@@ -3,6 +3,7 @@
 import numpy as np
 
 from app.vision.kernels.jit import compiled_loosely as compiled
+from app.vision.kernels.jit import inlined_loosely as inlined
 
 
 @compiled
@@ -46,12 +47,12 @@ def refine(signal, usable, floor, widths, reaches, noise, rounds, plain, scored,
             scored[0, n], scored[1, n], scored[2, n], scored[3, n] = x, a, width, variance
 
 
-@compiled
+@inlined
 def _whole_vectors(count):
     return (count + 15) // 16 * 16
 
 
-@compiled
+@inlined
 def _crossing(values, half, kernel, radius, reach, sigma, filter_sigma):
     """The crossing nearest to the centre of gravity, looked for from there outwards."""
     near = min(int(np.floor(2.5 * sigma)), half)
@@ -95,7 +96,7 @@ def _crossing(values, half, kernel, radius, reach, sigma, filter_sigma):
     return spot_best + upper / (upper - lower), True
 
 
-@compiled
+@inlined
 def _response(values, start, kernel):
     total = 0.0
     begin = np.uint64(start)
@@ -104,7 +105,7 @@ def _response(values, start, kernel):
     return total
 
 
-@compiled
+@inlined
 def _lay_out(values, usable, n, size, x, limit, near):
     """The pixels within the limit, in `near`: signal, whether it is usable, room for the bell, place.
 
@@ -122,7 +123,7 @@ def _lay_out(values, usable, n, size, x, limit, near):
     return first, last + 1 - first, many
 
 
-@compiled
+@inlined
 def _bell_at(near, start, sigma, many):
     """near[2] = exp(-d^2 / 2 sigma^2) at d = start + k: each by what the one before tells."""
     scale = 0.5 / (sigma * sigma)
@@ -134,7 +135,7 @@ def _bell_at(near, start, sigma, many):
         ratio *= bend
 
 
-@compiled
+@inlined
 def _amplitude(near, inside, many):
     energy = total = 0.0
     for k in range(np.uint64(many)):
@@ -148,7 +149,7 @@ def _amplitude(near, inside, many):
     return total / energy if energy > 0.0 else 0.0
 
 
-@compiled
+@inlined
 def _variance_terms(sigma, filter_sigma, noise):
     """What a point's variance is made of: of speckle, of shot noise times a, of still noise times a^2."""
     contrast, gain, _ = noise
@@ -163,7 +164,7 @@ def _variance_terms(sigma, filter_sigma, noise):
     )
 
 
-@compiled
+@inlined
 def _width(values, half, x, filter_sigma, bell, radius):
     begin = np.uint64(half + int(np.rint(x)) - radius)
     mass = moment = square = place = 0.0
@@ -181,7 +182,7 @@ def _width(values, half, x, filter_sigma, bell, radius):
     return np.sqrt(widest * share / (1.0 - share))
 
 
-@compiled
+@inlined
 def _score(near, many, start, x_start, amplitude, variance, floor, sigma, farthest, noise, rounds):
     """start: of the pixels laid out, from the middle of the window; x_start: what the scoring starts from."""
     contrast, gain, read_variance = noise
