@@ -18,9 +18,9 @@ def search(on, off, a, b, is_pair, stride, channel, limits, step, counts, height
 
     A few lines at a time: what the first look has fetched is still at hand for the second.
 
-    on - off is the response, a - b the light, (H, W * stride). limits: least height, size of a block, reach of
-    a summit, reach of a flank, the high and low share of a peak at which its width is taken, and what squared
-    widths are divided by.
+    on - off is the response, a - b the light, (H, W * stride). limits: least height, size of a block, reach
+    of a summit, reach of a flank, the high and low share of a peak at which its width is taken, and what
+    squared widths are divided by.
     """
     width = on.shape[1] // stride
     block_size = limits[1]
