@@ -6,12 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from app.calibration.board_views import BoardView, board_views
 from app.calibration.camera_start import StartCamera
 from app.calibration.joint import joint_extra, solve_joint
 from app.calibration.laser_plane import LaserPlaneResult, solve_laser_plane
 from app.calibration.outcome import CalibrationOutcome, ViewResidual
 from app.calibration.plan import CalibrationPlan
-from app.calibration.problem import BoardView, board_views
 from app.calibration.record import CalibrationRecord
 from app.calibration.turntable_axis import AxisResult, solve_axis_line, solve_axis_turning
 from app.calibration.views import Evidence
