@@ -24,7 +24,10 @@ def windows_between(
 ):
     """lit, dark: (H, W * stride) uint8, channels interleaved."""
     width = lit.shape[1] // stride
+    on, off = np.empty((2, 2 * half + 1), np.uint8)
+    limit = np.uint8(clipped_from)
     for n in range(len(line)):
+        place = np.uint64(n)
         row, left = np.uint64(line[n]), column[n] - half
         first, last = max(0, -left), min(2 * half, width - 1 - left)
         for k in range(first):
@@ -33,14 +36,16 @@ def windows_between(
             signal[n, k], usable[n, k] = 0.0, False
         # Unsigned places and whole numbers: nothing to ask about each pixel, nothing to convert twice.
         index, step = np.uint64((left + first) * stride + channel), np.uint64(stride)
-        total = brightest = np.int64(0)
-        for k in range(first, last + 1):
-            a, b = np.int64(lit[row, index]), np.int64(dark[row, index])
-            signal[n, k] = a - b
-            usable[n, k] = a < clipped_from
-            total += b
-            brightest = max(brightest, a)
+        for k in range(np.uint64(first), np.uint64(last + 1)):
+            on[k], off[k] = lit[row, index], dark[row, index]
             index += step
+        total, brightest = np.int32(0), np.uint8(0)
+        for k in range(np.uint64(first), np.uint64(last + 1)):
+            a, b = on[k], off[k]
+            signal[place, k] = np.int32(a) - np.int32(b)
+            usable[place, k] = a < limit
+            total += np.int32(b)
+            brightest = max(brightest, a)
         many = max(last - first + 1, 1)
         level = total / many
         floor[n] = 2.0 * level
@@ -52,9 +57,9 @@ def windows_between(
             continue
         darkest, spread = np.inf, 0.0
         for k in range(first, last + 1):
-            off = float(dark[line[n], (left + k) * stride + channel])
-            darkest = min(darkest, off)
-            spread += (off - level) ** 2
+            value = float(off[k])
+            darkest = min(darkest, value)
+            spread += (value - level) ** 2
         spread /= many
         if (
             darkest >= 25.0
@@ -62,7 +67,7 @@ def windows_between(
             and spread > 16.0 * (albedo_noise + 0.03 * level)
         ):
             for k in range(first, last + 1):
-                signal[n, k] *= level / max(float(dark[line[n], (left + k) * stride + channel]), 1.0)
+                signal[n, k] *= level / max(float(off[k]), 1.0)
 
 
 @compiled
