@@ -1,5 +1,6 @@
 """Peaks that may be the stripe: how detectors look for them, and what becomes of them."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,7 +57,7 @@ def find_candidates(view: LaserView, min_strength: float, count: int, kernels: K
     """The `count` strongest peaks of every line that stand out of the picture's noise."""
     lit, dark = across_lines(view)
     channel = laser_channel(lit, dark, view.colour)
-    least = int(np.clip(np.ceil(min_strength), 1, 255))
+    least = min(max(math.ceil(min_strength), 1), 255)
     light = lit
     if dark is None:
         response, light = ridge_response(lit, channel, view.colour)

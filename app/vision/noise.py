@@ -1,5 +1,7 @@
 """The stripe's width and the camera's noise, told by the picture itself."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,10 +47,10 @@ def measured_shape(
         if rest.pixels < _LEAST_PIXELS:
             return shape
         contrast2, per_gain, floor = kernels.noise_terms(rest.terms, rest.squares, _LEAST_VARIANCE)
-        step = 0.0 if is_sigma_known else float(np.clip(rest.sigma_step, -0.15, 0.15)) * shape.sigma
+        step = 0.0 if is_sigma_known else min(max(rest.sigma_step, -0.15), 0.15) * shape.sigma
         shape = shape._replace(
             sigma=shape.sigma + step,
-            contrast=min(float(np.sqrt(contrast2)), LARGEST_CONTRAST),
+            contrast=min(math.sqrt(contrast2), LARGEST_CONTRAST),
             gain=float(1.0 / max(per_gain, 1e-3)),
             read_variance=float(max(floor, _LEAST_VARIANCE)),
         )

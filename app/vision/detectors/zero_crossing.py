@@ -119,10 +119,11 @@ class ZeroCrossingDetector:
         plain, scored = fast.refine(windows, shape, wants_scoring)
         if self.scoring is not None or not wants_scoring:
             return scored
-        rough = [
-            fast.median_bend(peaks.line[fit.is_found], (column + fit.offset)[fit.is_found])
-            for fit in (scored, plain)
-        ]
+        across = column + scored.offset, column + plain.offset
+        line = peaks.line
+        if not plain.is_found.all():
+            line, across = line[plain.is_found], (across[0][plain.is_found], across[1][plain.is_found])
+        rough = [fast.median_bend(line, each) for each in across]
         is_smooth = rough[0] <= _ROUGHER * rough[1]
         return scored if is_smooth else plain
 

@@ -1,5 +1,6 @@
 """What a kernel hands back; the compiled kernels and their NumPy twin share it."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -126,12 +127,12 @@ class Shape(NamedTuple):
     @property
     def filter_radius(self) -> int:
         """Beyond it the kernel has nothing left to say."""
-        return int(np.ceil(3.0 * self.filter_sigma))
+        return math.ceil(3.0 * self.filter_sigma)
 
     @property
     def search_radius(self) -> int:
         """How far the zero crossing may lie from the middle of the window."""
-        return int(np.ceil(1.2 * self.filter_sigma)) + 2
+        return math.ceil(1.2 * self.filter_sigma) + 2
 
     @property
     def half_window(self) -> int:
