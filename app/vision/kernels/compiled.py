@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from app.geometry.arrays import Floats
 from app.vision.kernels import cutting, fitting, piecing, searching, terms
-from app.vision.kernels.jit import compiled
+from app.vision.kernels.jit import compiled_briefly
 from app.vision.kernels.results import (
     BLOCK,
     CLASSES,
@@ -28,7 +28,7 @@ from app.vision.kernels.results import (
 from app.vision.segments import LARGEST_STEP_PX, LEAST_BENDS, LONG_PIECE
 from app.vision.stripe import Image
 
-_noise_terms = compiled(terms.noise_terms)
+_noise_terms = compiled_briefly(terms.noise_terms)
 
 
 def find_peaks_between(lit: Image, dark: Image, channel: int, least: int, count: int) -> Peaks:

@@ -20,6 +20,11 @@ def compiled_loosely(function: F) -> F:
     return _jit(function, _ANY_ORDER)
 
 
+def compiled_briefly(function: F) -> F:
+    """For loops of some microseconds: to let other threads in for so long costs more than it brings."""
+    return _jit(function, False, nogil=False)
+
+
 def inlined(function: F) -> F:
     """A part of loops: always taken into them, since handing arrays on costs more than reading a line."""
     return _jit(function, False, forceinline=True)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from app.vision.kernels.jit import compiled
+from app.vision.kernels.jit import compiled_briefly as compiled
 
 _MAD_TO_SIGMA = 1.4826
 
