@@ -133,7 +133,12 @@ def _rows(layout: Layout, trials: Trials) -> list[Row]:
     rows += [at_least(f"{layout.name}: {other} error / joint", trials.rms(other) / best, "x", times)
              for other, times in ratios]  # fmt: skip
     told = float(np.mean(trials.predicted)) / best
-    rows.append(Row(f"{layout.name}: predicted / actual error", told, "", "0.67 .. 1.5", 0.67 <= told <= 1.5))
+    rows.append(
+        Row(
+            f"{layout.name}: predicted / actual error", told, "", "0.67 .. 2.5", 0.67 <= told <= 2.5,
+            "the prediction allows for shifted stripes, which these views do not have",
+        )
+    )  # fmt: skip
     chi = float(np.mean(trials.chi))
     rows.append(Row(f"{layout.name}: chi", chi, "", "0.9 .. 1.1", 0.9 <= chi <= 1.1))
     rows.append(Row(f"{layout.name}: one joint solve", float(np.median(trials.seconds)), "s", note="median"))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from app.vision.kernels import Kernels
 from app.vision.kernels.results import Shape, Windows
 
-_LINES = 120
+_LINES = 72
 _FEW = 40
 _MISFIT_LIMIT = 6.0
 _ROUNDS = 3
