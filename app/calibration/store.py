@@ -6,6 +6,8 @@ from app.calibration.record import CalibrationRecord
 from app.errors import CalibrationFileError
 from app.files import make_folder
 
+_EMPTY_HINT = "Make one with `turnscan calibrate`, or name a file with --calibration."
+
 
 class CalibrationStore:
     """Calibrations in a folder.
@@ -40,5 +42,5 @@ class CalibrationStore:
         """
         paths = self.paths()
         if not paths:
-            raise CalibrationFileError(str(self.folder), "holds no calibration yet")
+            raise CalibrationFileError(str(self.folder), "holds no calibration yet", _EMPTY_HINT)
         return CalibrationRecord.load(paths[-1])

@@ -11,12 +11,15 @@ from app.calibration.calibrate import calibrate
 from app.calibration.camera_file import load_camera
 from app.calibration.plan import CalibrationPlan
 from app.calibration.report import check_report_name, report_lines, write_report
+from app.calibration.store import CalibrationStore
 from app.cli.console import check_output, progress_bar, say, warn
 from app.cli.table_height import with_table
 from app.errors import OptionError
 from app.recording.reader import Recording
 from app.vision.stripe import STRIPE_DETECTORS
 
+STORE = Path("calibration_store")
+"""Where calibrations are kept, in the folder that the command runs in."""
 _DOUBTFUL = 1
 
 
@@ -34,7 +37,10 @@ class _Axis(StrEnum):
 
 def calibrate_command(
     recordings: Annotated[list[Path], typer.Argument(help="One or more recordings of the same rig.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The calibration file.")],
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="The file; by default a dated one in calibration_store."),
+    ] = None,
     method: Annotated[
         _Method, typer.Option(help="joint: everything in one adjustment. paper: step by step, as Rui Wang.")
     ] = _Method.JOINT,
@@ -66,16 +72,21 @@ def calibrate_command(
     name = detector or ("threshold" if method is _Method.PAPER else "zero-crossing")
     camera = None if intrinsics is None else load_camera(intrinsics)
     plan = CalibrationPlan(method.value, axis.value, camera, not no_distortion, skip_bad_frames)
-    written = report if report is not None else output.with_suffix(".html")
-    check_report_name(written)
-    for path in (output, written):
-        check_output(path)
+    for path in (output, report):
+        if path is not None:
+            check_output(path)
+    if report is not None:
+        check_report_name(report)
     finder = STRIPE_DETECTORS.make(name)
     opened = [Recording.open(path) for path in recordings]
     with progress_bar() as show:
         outcome = calibrate(opened, finder, plan, show)
         outcome = replace(outcome, record=with_table(outcome.record, opened, show))
-    outcome.record.save(output)
+    if output is None:
+        output = CalibrationStore(STORE).save(outcome.record)
+    else:
+        outcome.record.save(output)
+    written = report if report is not None else output.with_suffix(".html")
     write_report(outcome, written)
     say(report_lines(outcome))
     warn(outcome.notes)

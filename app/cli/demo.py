@@ -28,6 +28,6 @@ def demo_command(
     doubtful = calibrate_command([recording], calibration)
     say(["3/3  Reconstructing."])
     cloud = out / f"{item}.ply"
-    doubtful = reconstruct_command(recording, calibration, cloud) or doubtful
+    doubtful = reconstruct_command(recording, cloud, calibration) or doubtful
     say([f"Look at {cloud.with_suffix('.png')}; open {cloud} in any 3D viewer, such as MeshLab."])
     return doubtful

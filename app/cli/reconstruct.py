@@ -8,6 +8,8 @@ import typer
 
 from app.calibration.platter_file import layout_of
 from app.calibration.record import CalibrationRecord
+from app.calibration.store import CalibrationStore
+from app.cli.calibrate import STORE
 from app.cli.console import check_output, progress_bar, say, warn
 from app.cli.reconstruction_lines import reconstruction_lines
 from app.errors import OptionError
@@ -23,8 +25,11 @@ _DOUBTFUL = 1
 
 def reconstruct_command(
     recording: Annotated[Path, typer.Argument(help="A recording with scan frames.")],
-    calibration: Annotated[Path, typer.Option("-c", "--calibration", help="Its calibration file.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="The PLY file; - for standard output.")],
+    calibration: Annotated[
+        Path | None,
+        typer.Option("-c", "--calibration", help="Its file; by default the newest in calibration_store."),
+    ] = None,
     ascii_text: Annotated[bool, typer.Option("--ascii", help="Write the PLY as text.")] = False,
     preview: Annotated[
         Path | None, typer.Option(help="PNG of the cloud from three sides; by default beside the output.")
@@ -50,7 +55,9 @@ def reconstruct_command(
     for path in (output, picture):
         if path is not None and path != _STREAM:
             check_output(path)
-    record = CalibrationRecord.load(calibration)
+    record = CalibrationStore(STORE).newest() if calibration is None else CalibrationRecord.load(calibration)
+    if calibration is None:
+        say([f"Calibration      {record.source}"])
     rig = record.rig
     options = ReconstructionOptions(
         radius_mm=radius,

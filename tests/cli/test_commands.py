@@ -199,3 +199,26 @@ def test_a_table_that_was_moved_since_ends_with_one(small_recording: Path, tmp_p
 def test_every_command_explains_itself(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run([command, "--help"]) == 0
     assert "Usage" in capsys.readouterr().out
+
+
+def test_calibrations_are_kept_under_their_date_and_the_newest_is_used(
+    small_recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert turnscan("calibrate", small_recording).code == 0
+    (kept,) = (tmp_path / "calibration_store").glob("*.json")
+    assert kept.with_suffix(".html").is_file()
+    ended = turnscan("reconstruct", small_recording, "-o", "cloud.ply")
+    assert ended.code == 0
+    assert kept.name in ended.said
+    assert len(read_ply(tmp_path / "cloud.ply")) > 0
+
+
+def test_an_empty_store_says_what_to_do(
+    small_recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ended = turnscan("reconstruct", small_recording, "-o", "cloud.ply")
+    assert ended.code == 2
+    assert "turnscan calibrate" in ended.said
+    assert not list(tmp_path.iterdir())
