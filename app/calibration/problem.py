@@ -265,8 +265,9 @@ class _Builder:
                 for b in self.boards
                 if laser in b.stripes and b.view.role is not Role.AXIS_LINE
             ]
-            plane = solve_laser_plane(laser, poses).plane
-            planes[row] = [*plane.normal, plane.distance_mm]
+            found = solve_laser_plane(laser, poses)
+            self.warnings += found.warnings
+            planes[row] = [*found.plane.normal, found.plane.distance_mm]
         return planes
 
     def _on_table(self, start: SheetStart, planes: Floats) -> dict[str, dict[str, LaserStripe]]:
