@@ -17,12 +17,14 @@ from app.recording.simulated_plan import SimulationPlan, Views
 from app.simulation.objects import make_object
 from benchmarks.report import Row, at_most
 from benchmarks.simulated_scans import Scan, calibrated, distances_mm, scanned, true_record
+from benchmarks.synthetic_views import surface_error_mm
 
 _RADIUS_MM = 30.0
 _STEPS = 100
 _MUG_STEPS = 60
 # Nearer to the table than this, a point may belong to it.
 _ABOVE_TABLE_MM = 3.0
+_SEEDS = (1, 2, 3)
 _VIEWS = Views(axis_line=1, hand_mm=0.5, hand_deg=0.3)
 
 
@@ -34,7 +36,27 @@ def run() -> list[Row]:
         rows = _ball_rows(ball, joint, paper, plan)
         mug_plan = replace(plan, item=make_object("mug", None), parts=("scan",), steps=_MUG_STEPS)
         mug = simulate_recording(Path(folder) / "mug", mug_plan)
-        return rows + _mug_rows(mug, joint, mug_plan)
+        return rows + _mug_rows(mug, joint, mug_plan) + _picture_rows(Path(folder))
+
+
+def _picture_rows(folder: Path) -> list[Row]:
+    """The joint calibration from pictures of several scanners' views, against the truth and its own word."""
+    errors, told = [], []
+    for seed in _SEEDS:
+        plan = SimulationPlan(parts=("calibration",), seed=seed)
+        recording = simulate_recording(folder / f"rig-{seed}", plan)
+        found = calibrated(recording, "joint")
+        errors.append(1e3 * surface_error_mm(true_record(recording).rig, found.rig))
+        told.append(1e3 * found.expected_error_mm)
+    note = ", ".join(f"{error:.1f}" for error in errors)
+    return [
+        Row("from pictures: surface error, joint", _rms(errors), "um RMS", "", None, f"each {note}"),
+        Row("from pictures: error that the calibration tells", _rms(told), "um RMS", "", None),
+    ]
+
+
+def _rms(values: list[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def ball_errors_mm(scan: Scan, centre: Points) -> tuple[Floats, Points]:

@@ -107,7 +107,6 @@ class Columns:
     side: int
     total: int
 
-    CAMERA = 0
     AXIS_POINT = 9
     AXIS_DIRECTION = 11
 
