@@ -77,7 +77,7 @@ class ReconstructionError(ScannerError):
     hint = "Check that the recording has scan frames whose laser the calibration knows."
 
 
-class ImportFailed(ScannerError):  # noqa: N818 (ImportError is taken)
+class ImportFailed(ScannerError):
     """Pictures or a video could not be made into a recording."""
 
     code = "import"
@@ -100,3 +100,98 @@ class OptionError(ScannerError):
 
     code = "option"
     hint = "See the command's --help."
+
+
+class DeviceError(ScannerError):
+    """A camera or a controller board does not do what it should."""
+
+    code = "device"
+    hint = "Check the cable and the power supply, then connect again."
+
+    def __init__(self, device: str, problem: str, hint: str | None = None) -> None:
+        super().__init__(f"{device}: {problem}", hint)
+        self.device, self.problem = device, problem
+
+
+class DeviceNotFound(DeviceError):
+    """Nothing is there under that name."""
+
+    code = "device-not-found"
+    hint = "Plug it in, or choose one that `turnscan devices` lists."
+
+
+class DeviceDenied(DeviceError):
+    """It is there, but another program has it or this user may not open it."""
+
+    code = "device-denied"
+    hint = "Close the other program that uses it."
+
+
+class DeviceUnrecognised(DeviceError):
+    """Something answers, or nothing does, but not what the driver expects."""
+
+    code = "device-unrecognised"
+    hint = "Run `turnscan devices` to see what is connected, or choose another driver or baud rate."
+
+
+class DeviceLost(DeviceError):
+    """It was there and has gone: unplugged, switched off or reset."""
+
+    code = "device-lost"
+    hint = "Plug it in again; the scan can go on from its last picture."
+
+
+class DeviceTimeout(DeviceError):
+    """It did not answer in time."""
+
+    code = "device-timeout"
+
+    def __init__(self, device: str, command: str, timeout_s: float, hint: str | None = None) -> None:
+        super().__init__(device, f"did not answer {command!r} within {timeout_s:.3g} s", hint)
+        self.command, self.timeout_s = command, timeout_s
+
+
+class DeviceRefused(DeviceError):
+    """It answered with an error, or what was asked is beyond it."""
+
+    code = "device-refused"
+    hint = "Choose another value, or check the driver's options in the bench file."
+
+
+class PositionUnknown(DeviceError):
+    """The table was moving when its board was lost, and nobody knows where it stopped."""
+
+    code = "position-unknown"
+    hint = "Go on only if the object may be a little turned, or start the scan again."
+
+    def __init__(self, device: str, lowest_deg: float, highest_deg: float) -> None:
+        super().__init__(
+            device,
+            f"lost its position; the table stands between {lowest_deg:.2f} and {highest_deg:.2f} degrees",
+        )
+        self.lowest_deg, self.highest_deg = lowest_deg, highest_deg
+
+
+class MoveStopped(DeviceError):
+    """A move ended early because somebody stopped it; the position is known."""
+
+    code = "move-stopped"
+    hint = "Start the move again when it is safe."
+
+
+class BenchBusy(ScannerError):
+    """A job holds the bench, and it serves one job at a time."""
+
+    code = "bench-busy"
+    hint = "Wait until that job has ended, or cancel it."
+
+
+class BenchFileError(ScannerError):
+    """The file that describes the bench cannot be used."""
+
+    code = "bench-file"
+    hint = "Correct the entry, or write a new file with `turnscan devices --write bench.toml`."
+
+    def __init__(self, where: str, problem: str, hint: str | None = None) -> None:
+        super().__init__(f"{where}: {problem}", hint)
+        self.where, self.problem = where, problem

@@ -1,0 +1,1 @@
+"""One kind of camera a file; each registers itself with `CAMERAS`."""

@@ -1,0 +1,1 @@
+"""One controller board a file; each registers itself with `TURNTABLES`."""

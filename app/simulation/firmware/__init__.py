@@ -1,0 +1,1 @@
+"""Controller boards as programs: the bytes they send, the steps they make, and when."""
