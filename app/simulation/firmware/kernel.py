@@ -8,6 +8,7 @@ import math
 from collections import deque
 from collections.abc import Generator, Iterator
 
+from app.registry import Registry
 from app.simulation.firmware.plant import Plant
 
 _BITS_PER_BYTE = 10
@@ -29,11 +30,13 @@ class Firmware:
         boot_s: how long the boot loader eats what is sent after a reset.
         deaf_until_s: while interrupts are off, what arrives is lost.
         lost_bytes: how many were.
+        steps_per_turn: pulses that turn the standard table once.
     """
 
     baud = 115200
     buffer_size = 128
     boot_s = 1.0
+    steps_per_turn = 3200.0
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant
@@ -168,3 +171,6 @@ class Firmware:
         # A program that restarted itself has been replaced, and its last wish with it.
         if self._running is running:
             self._wake_s = wake
+
+
+FIRMWARES: Registry[Firmware] = Registry("simulated board", "app.simulation.firmware.dialects")

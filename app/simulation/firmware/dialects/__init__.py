@@ -1,0 +1,1 @@
+"""One simulated board a file; each registers itself with `FIRMWARES`."""
