@@ -147,8 +147,8 @@ class EmulatedPort:
     def _run(self) -> None:
         while not self._is_over.is_set():
             with self._lock:
-                master = self._master
                 self._watch_open()
+                master = self._master
                 due = min(self.firmware.due_s, self._next_out_s())
             watched = [self._wakes] + ([master] if master >= 0 and self._is_open else [])
             wait_s = _TICK_S if math.isinf(due) else min(_TICK_S, self.clock.wait_s(due))
@@ -159,8 +159,7 @@ class EmulatedPort:
             if self._wakes in ready:
                 os.read(self._wakes, _CHUNK)
             with self._lock:
-                if master in ready and master == self._master:
-                    self._take_in()
+                self._take_in()
                 self.firmware.advance(self.clock.now_s())
                 self._give_out()
 
@@ -176,12 +175,17 @@ class EmulatedPort:
         self._is_open = is_open
 
     def _take_in(self) -> None:
+        if self._master < 0:
+            return
         try:
             data = os.read(self._master, _CHUNK)
         except OSError as error:
             if error.errno not in (errno.EIO, errno.EAGAIN):
                 raise
             return
+        if not self._is_open and self._resets_on_open:
+            # Opened, written to and closed again between two looks.
+            self.firmware.reset(self.clock.now_s())
         self.firmware.receive(self._garbled(data), self.clock.now_s())
 
     def _next_out_s(self) -> float:
