@@ -4,7 +4,7 @@ Everything is triangles. A picture is drawn on the distorted rays of its pixels,
 a laser lights what lies near its sheet and is not in its shadow; the sensor adds its noise.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -15,6 +15,7 @@ from app.errors import OptionError
 from app.geometry.arrays import Floats, unit
 from app.geometry.transform import RigidTransform, rotation_about
 from app.simulation import kernels
+from app.simulation.exposure import Exposure
 from app.simulation.layers import F32, Box, Layers, backdrop, blurred, camera_rays, projected
 from app.simulation.mesh import Mesh
 from app.simulation.noise import Noise, normal_levels, speckle_levels
@@ -79,14 +80,19 @@ class Renderer:
             if body.is_round or not body.turns
         }
 
-    def look(self, angle_rad: float) -> View:
-        """The scene at a table angle, counter-clockwise seen from above."""
+    def look(self, angle_rad: float, moved: Mapping[int, RigidTransform] | None = None) -> View:
+        """The scene at a table angle.
+
+        Args:
+            angle_rad: counter-clockwise seen from above.
+            moved: table from body at angle 0, instead of the scene's, for bodies that turn.
+        """
         layers = self._static.copy()
         for number, drawn in self._fixed.items():
             if self.scene.bodies[number].is_round:
                 self._colour(layers, number, drawn.box, self._place(number, angle_rad))
         meshes = [
-            self._fixed[n].mesh if n in self._fixed else self._draw(layers, n, angle_rad).mesh
+            self._fixed[n].mesh if n in self._fixed else self._draw(layers, n, angle_rad, moved).mesh
             for n in range(len(self.scene.bodies))
         ]
         ambient = layers.seen
@@ -132,31 +138,46 @@ class Renderer:
         lasers = [self.irradiance(view, name) for name in lasers_on]
         return self.sense(view, dict(zip(lasers_on, lasers, strict=True)), seed, noise)
 
-    def sense(self, view: View, lasers: "dict[str, F32]", seed: int, noise: Noise | None = None) -> Image:
-        """As `expose`, from what each lit laser adds."""
-        noise = noise or self.scene.noise
+    def sense(
+        self,
+        view: View,
+        lasers: Mapping[str, F32],
+        seed: int,
+        noise: Noise | None = None,
+        exposure: Exposure | None = None,
+    ) -> Image:
+        """As `expose`, from what each lit laser adds; `exposure` is how much of all that the camera takes."""
+        exposure = exposure or Exposure()
+        noise = exposure.noisy(noise or self.scene.noise)
         channels = view.ambient.shape[2]
-        sources = self.scene.scanner.sources
-        tints = np.array(
-            [_TINTS[sources[n].colour] if channels == 3 else (_GREY_TINT,) for n in lasers], np.float32
-        ).reshape(len(lasers), channels)
+        colour = np.asarray(exposure.colour if channels == 3 else (1.0,), np.float32)
+        tints = np.zeros((len(lasers), channels), np.float32)
+        for n, name in enumerate(lasers):
+            seen = _TINTS[self.scene.scanner.sources[name].colour] if channels == 3 else (_GREY_TINT,)
+            tints[n] = np.float32(exposure.lasers.get(name, 1.0)) * colour * np.asarray(seen, np.float32)
         stack = np.stack(list(lasers.values())) if lasers else np.zeros((0, 1, 1), np.float32)
         image = np.empty(view.ambient.shape, np.uint8)
         kernels.expose(
-            view.ambient, stack, tints, noise.electrons_per_grey, noise.read_grey**2,
-            normal_levels(), speckle_levels(noise.speckle), np.uint64(seed), image,
+            view.ambient * (np.float32(exposure.room) * colour), stack, tints,
+            noise.electrons_per_grey, noise.read_grey**2, normal_levels(),
+            speckle_levels(noise.speckle), np.uint64(seed), image,
         )  # fmt: skip
         return image if channels == 3 else image[:, :, 0]
 
-    def _place(self, number: int, angle_rad: float) -> RigidTransform:
+    def _place(
+        self, number: int, angle_rad: float, moved: Mapping[int, RigidTransform] | None = None
+    ) -> RigidTransform:
         """Camera from body."""
         body = self.scene.bodies[number]
+        pose = body.pose if moved is None else moved.get(number, body.pose)
         turned = RigidTransform(rotation_about(Z_UP, angle_rad if body.turns else 0.0), np.zeros(3))
-        return self.scene.scanner.rig.axis.camera_from_table @ turned @ body.pose
+        return self.scene.scanner.rig.axis.camera_from_table @ turned @ pose
 
-    def _draw(self, layers: Layers, number: int, angle_rad: float) -> "_Drawn":
+    def _draw(
+        self, layers: Layers, number: int, angle_rad: float, moved: Mapping[int, RigidTransform] | None = None
+    ) -> "_Drawn":
         """One body into the layers."""
-        place = self._place(number, angle_rad)
+        place = self._place(number, angle_rad, moved)
         mesh = self.scene.bodies[number].mesh.moved(place)
         first = int(self._first[number])
         pixels = projected(self.scene.scanner.rig.camera, mesh.vertices)

@@ -132,6 +132,19 @@ class Plant:
             is_moving = any(motion.start_s <= time_s < motion.end_s for motion, _ in self._moves)
             return PlantState(stance.table_deg + slipped, on, is_moving, self._is_holding)
 
+    def shares_on(self, start_s: float, end_s: float) -> dict[int, float]:
+        """Outputs that were on between two times, each with the share of that time; ends in the past."""
+        with self._lock:
+            outputs = tuple(self._outputs)
+        shares: dict[int, float] = {}
+        ends = [since for since, _ in outputs[1:]] + [math.inf]
+        for (since, on), until in zip(outputs, ends, strict=True):
+            lit_s = min(until, end_s) - max(since, start_s)
+            if lit_s > 0.0:
+                for output in on:
+                    shares[output] = shares.get(output, 0.0) + lit_s / (end_s - start_s)
+        return shares
+
     def lasers_on(self, time_s: float) -> tuple[str, ...]:
         """Names of the lasers that are lit, by the wiring."""
         on = self.at(time_s).outputs_on

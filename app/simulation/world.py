@@ -1,0 +1,170 @@
+"""The one world that the simulated camera and the simulated board share."""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Literal, Self
+
+import numpy as np
+
+from app.errors import OptionError
+from app.geometry.rig import Rig
+from app.simulation.clock import Clock
+from app.simulation.exposure import CameraSettings
+from app.simulation.firmware.kernel import FIRMWARES, Firmware
+from app.simulation.firmware.plant import Plant, Wiring
+from app.simulation.firmware.port import EmulatedPort
+from app.simulation.hands import Hands
+from app.simulation.rig import SimulatedRig
+from app.simulation.stage import Moment, Stage, Thing
+from app.simulation.world_plan import WorldPlan
+from app.vision.stripe import Image
+
+__all__ = ["SimulatedWorld", "WorldPlan"]
+
+# The machine is remembered for ten seconds.
+_REMEMBERED_S = 9.0
+_USUAL_OUTPUTS = (0, 1)
+
+
+class SimulatedWorld:
+    """Board, machine, scene and light, in one time. Safe from several threads.
+
+    Attributes:
+        plan: what it was made from.
+        clock: its time.
+        plant: motor, table and laser outputs.
+        port: the board behind its pseudo-terminal; connect to `port.link`. Its faults are on demand.
+        stage: what can be seen: object, board, true rig.
+    """
+
+    def __init__(self, plan: WorldPlan, folder: Path) -> None:
+        """Build it; the port appears in `folder`.
+
+        Raises:
+            OptionError: no such dialect or object, or a board that does not fit.
+        """
+        self.plan = plan
+        self.stage = Stage(plan)
+        self.clock = Clock(plan.rate)
+        maker = FIRMWARES.maker(plan.dialect)
+        self.plant = Plant(_wiring(plan, maker, tuple(self.stage.scanner.rig.lasers)))
+        self.port = EmulatedPort(
+            maker(plant=self.plant), folder / plan.dialect, self.clock,
+            resets_on_open=plan.resets_on_open, seed=plan.seed,
+        )  # fmt: skip
+        self._lock = threading.Lock()
+        self._settings: deque[_Setting] = deque([_Setting(-np.inf, "object")])
+
+    @property
+    def scanner(self) -> SimulatedRig:
+        """The true scanner."""
+        return self.stage.scanner
+
+    @property
+    def rig(self) -> Rig:
+        """What a perfect calibration would find."""
+        return self.scanner.rig
+
+    @property
+    def light(self) -> float:
+        """How bright the room is; 1 as usual, 0 in the dark."""
+        return self._settings[-1].room
+
+    @light.setter
+    def light(self, room: float) -> None:
+        if not (np.isfinite(room) and room >= 0.0):
+            raise OptionError(f"A room cannot have a brightness of {room:g}.", "Give 0 or more.")
+        self._change(room=room)
+
+    def put(self, what: Literal["object", "nothing", "board-on-table"]) -> None:
+        """Change what stands on the table; hands that hold the board go away."""
+        if what not in ("object", "nothing", "board-on-table"):
+            raise OptionError(
+                f"Nobody can put {what!r} on the table.", "Put: object, nothing or board-on-table."
+            )
+        self._change(thing=what, placement=0, hands=None)
+
+    def place_board(self, number: int) -> None:
+        """Stand the board on the table, at another place for each number."""
+        self._change(thing="board-on-table", placement=number, hands=None)
+
+    def hold_board(self, *, across_lasers: bool = False) -> None:
+        """A pair of hands holds the board, in another pose every second or so, and takes the table away.
+
+        Args:
+            across_lasers: where every laser's sheet crosses it, instead of all over the picture.
+        """
+        hands = Hands.of(self.rig, self.stage.board, across_lasers=across_lasers, seed=self.plan.seed)
+        self._change(thing="board-in-hands", hands=hands, held_since_s=self.clock.now_s())
+
+    def expose(self, start_s: float, settings: CameraSettings) -> Callable[[], Image]:
+        """Take in what the world was like while a picture was exposed; render it when somebody looks.
+
+        Args:
+            start_s: when the exposure began, world time. Best called when it has ended, and not later than
+                some seconds after.
+            settings: of the camera.
+        """
+        start_s = max(start_s, self.clock.now_s() - _REMEMBERED_S)
+        end_s = start_s + 1e-6 * settings.exposure_us
+        middle_s = 0.5 * (start_s + end_s)
+        with self._lock:
+            now = next(setting for setting in reversed(self._settings) if setting.since_s <= middle_s)
+        names = self.plant.wiring.lasers
+        shares = self.plant.shares_on(start_s, end_s)
+        moment = Moment(
+            now.thing, now.placement,
+            None if now.hands is None else now.hands.pose_at(middle_s - now.held_since_s),
+            float(np.radians(self.plant.at(middle_s).angle_deg % 360.0)),
+            now.room,
+            {names[output]: share for output, share in shares.items() if output in names},
+            hash((self.plan.seed, round(1e6 * start_s))) % 2**63,
+        )  # fmt: skip
+        return lambda: self.stage.picture(moment, settings)
+
+    def close(self) -> None:
+        """Take the port away."""
+        self.port.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _change(self, **changed: object) -> None:
+        now_s = self.clock.now_s()
+        with self._lock:
+            self._settings.append(replace(self._settings[-1], since_s=now_s, **changed))  # type: ignore[arg-type]
+            while self._settings[1].since_s < now_s - 2.0 * _REMEMBERED_S:
+                self._settings.popleft()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Setting:
+    """What somebody has arranged, from a time on."""
+
+    since_s: float
+    thing: Thing
+    placement: int = 0
+    hands: Hands | None = None
+    held_since_s: float = 0.0
+    room: float = 1.0
+
+
+def _wiring(plan: WorldPlan, maker: Callable[..., Firmware], lasers: tuple[str, ...]) -> Wiring:
+    """The mechanics as the dialect expects them, but for the planted faults."""
+    outputs: tuple[int, ...] = getattr(maker, "outputs", _USUAL_OUTPUTS)
+    steps_per_turn = plan.steps_per_turn or float(getattr(maker, "steps_per_turn", Firmware.steps_per_turn))
+    names = lasers[::-1] if plan.swapped_lasers else lasers
+    return Wiring(
+        -steps_per_turn if plan.wrong_direction else steps_per_turn,
+        plan.play_deg,
+        dict(zip(outputs, names, strict=False)),
+    )
