@@ -1,43 +1,31 @@
 """A camera as the bench uses it: a thread grabs all the time, and whoever wants frames gets fresh ones."""
 
 import contextlib
+import math
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 
-from app.devices.camera_driver import CameraDriver, CameraFacts, Control, ControlName, RawFrame
-from app.devices.frame import Frame, LazyPicture, Mounting, Rotation, Use
+from app.devices.camera_controls import CameraSettings as CameraSettings
+from app.devices.camera_controls import WantedControls
+from app.devices.camera_driver import CameraDriver, CameraFacts, Control, ControlName
+from app.devices.frame import Frame, Mounting, Rotation, Use
 from app.devices.frame_stream import FrameStream
-from app.devices.rhythm import Repeats, Rhythm
+from app.devices.intake import Intake
 from app.errors import DeviceError, DeviceLost, DeviceTimeout
-from app.recording.picture import inspect
 
 # A camera that has sent nothing new for so long, or for so many periods if those are longer, is frozen.
 _PATIENCE_S = 0.9
 _PATIENCE_PERIODS = 4.0
 # The first picture takes longer: the sensor starts, and automatics look for their values.
 _START_PATIENCE_S = 5.0
+# How long the thread waits at a time, so that `disconnect` need not wait long.
+_SLICE_S = 0.25
 _PAUSES_S = (0.1, 0.2, 0.4, 0.8, 1.0)
 _FRESH_TIMEOUT_S = 5.0
 # How long a thread may take to let go of its camera.
 _FAREWELL_S = 10.0
-# How long the thread waits at a time, so that `disconnect` need not wait long.
-_SLICE_S = 0.25
-# A time stamp further back than this is of another clock.
-_OLDEST_S = 10.0
-_SILENT = "is frozen: it sends no pictures"
-
-
-@dataclass(frozen=True, slots=True)
-class CameraSettings:
-    """What the controls are to be while pictures of one use are taken.
-
-    Attributes:
-        controls: value of each control, in the units of `ControlName`; None for the camera's own automatic.
-    """
-
-    controls: Mapping[ControlName, float | None] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,14 +43,14 @@ class CameraState:
         last_error: what was wrong most recently; empty while nothing has been.
     """
 
-    is_connected: bool
-    is_frozen: bool
-    frames: int
-    fps: float
-    lost: int
-    repeated: int
-    reopened: int
-    last_error: str
+    is_connected: bool = False
+    is_frozen: bool = False
+    frames: int = 0
+    fps: float = 0.0
+    lost: int = 0
+    repeated: int = 0
+    reopened: int = 0
+    last_error: str = ""
 
 
 class Camera:
@@ -97,29 +85,30 @@ class Camera:
         self.settings = dict(settings or {})
         self._changed = threading.Condition()
         self._life_lock = threading.Lock()
-        self._controls_lock = threading.RLock()
-        self._asked: dict[ControlName, float | None] = {}
+        self._controls = WantedControls(driver, self._check_open, self._settle)
         self._streams: list[FrameStream] = []
         self._thread: threading.Thread | None = None
         self._closing = threading.Event()
-        self._facts: CameraFacts | None = None
-        self._begin()
+        self._intake: Intake | None = None
+        self._latest: Frame | None = None
+        self._is_open, self._reopened, self._last_error = False, 0, ""
+        self._new_s = self._settled_s = -math.inf
 
     @property
     def facts(self) -> CameraFacts:
         """What the camera is, with the size of upright pictures; known once connected."""
-        if self._facts is None:
-            raise self._not_connected()
-        return replace(self._facts, size=self.mounting.size(self._facts.size))
+        return self._known.facts
 
     @property
     def state(self) -> CameraState:
         with self._changed:
-            silent_s = time.monotonic() - self._new_s
+            intake = self._intake
+            if intake is None:
+                return CameraState()
+            is_silent = time.monotonic() - self._new_s > self._patience_s()
             return CameraState(
-                self._is_open, self._is_open and silent_s > self._patience_s(), self._frames,
-                self._rhythm.fps, self._damaged + self._rhythm.missing, self._repeated, self._reopened,
-                self._last_error,
+                self._is_open, self._is_open and is_silent, intake.frames, intake.fps, intake.lost,
+                intake.repeated, self._reopened, self._last_error,
             )  # fmt: skip
 
     def connect(self) -> None:
@@ -132,10 +121,11 @@ class Camera:
             if self._thread is not None:
                 return
             self.driver.connect()
-            self._closing = threading.Event()
             with self._changed:
-                self._begin()
-                self._facts, self._is_open = self.driver.facts, True
+                self._intake = Intake(self.name, self.driver.facts, self.mounting, self.latency_s)
+                self._closing = threading.Event()
+                self._latest, self._reopened, self._last_error = None, 0, ""
+                self._new_s, self._is_open = time.monotonic(), True
             self._thread = threading.Thread(target=self._run, name=f"{self.name}-grab", daemon=True)
             self._thread.start()
 
@@ -177,7 +167,7 @@ class Camera:
             while True:
                 self._check_connected()
                 frame = self._latest
-                if frame is not None and self._surely_began_s(frame) >= max(wanted_s, self._settled_s):
+                if frame is not None and self._known.surely_began_s(frame) >= max(wanted_s, self._settled_s):
                     return frame
                 left_s = deadline_s - time.monotonic()
                 if left_s <= 0.0:
@@ -185,12 +175,8 @@ class Camera:
                 self._changed.wait(left_s)
             if not self._is_open:
                 raise DeviceLost(self.name, f"has gone and did not come back ({self._last_error})")
-            raise DeviceTimeout(
-                self.name,
-                "a fresh frame",
-                timeout_s,
-                "Check that the camera delivers pictures, and its cable.",
-            )
+            hint = "Check that the camera delivers pictures, and its cable."
+            raise DeviceTimeout(self.name, "a fresh frame", timeout_s, hint)
 
     @contextlib.contextmanager
     def stream(self, most: int = 600, *, patience_s: float | None = None) -> Iterator[FrameStream]:
@@ -216,9 +202,7 @@ class Camera:
 
     def controls(self) -> Mapping[ControlName, Control]:
         """The controls that this camera has, as they are now."""
-        with self._controls_lock:
-            self._check_open()
-            return self.driver.controls()
+        return self._controls.read()
 
     def set_control(self, name: ControlName, value: float | None) -> Control:
         """Ask for a value, or with None for the camera's own automatic; return what the camera made of it.
@@ -227,40 +211,18 @@ class Camera:
             DeviceRefused: the camera has no such control.
             DeviceLost: the camera is away; the value is written when it is back.
         """
-        with self._controls_lock:
-            self._asked[name] = value
-            self._check_open()
-            try:
-                control = self.driver.set_control(name, value)
-            except DeviceError as error:
-                if not isinstance(error, DeviceLost | DeviceTimeout):
-                    del self._asked[name]
-                raise
-            self._settle()
-            return control
+        return self._controls.write(name, value)
 
     def prepare(self, use: Use) -> None:
         """Set the controls for pictures of one use: what differs from now and what the camera has."""
-        wanted = self.settings.get(use, CameraSettings()).controls
-        with self._controls_lock:
-            differing = {n: v for n, v in wanted.items() if n not in self._asked or self._asked[n] != v}
-            if not differing:
-                return
-            present = self.controls()
-            for name, value in differing.items():
-                if name in present:
-                    self.set_control(name, value)
+        if use in self.settings:
+            self._controls.apply(self.settings[use])
 
-    def _begin(self) -> None:
-        """Forget the frames of an earlier connection."""
-        self._latest: Frame | None = None
-        self._rhythm, self._repeats = Rhythm(), Repeats()
-        self._frames = self._damaged = self._repeated = self._reopened = 0
-        self._last_error = ""
-        self._is_open = False
-        self._settled_s = -float("inf")
-        self._new_s = time.monotonic()
-        self._has_begun, self._flaw = False, _SILENT
+    @property
+    def _known(self) -> Intake:
+        if self._intake is None:
+            raise self._not_connected()
+        return self._intake
 
     def _run(self) -> None:
         closing = self._closing
@@ -269,58 +231,37 @@ class Camera:
             try:
                 self._grab()
             except DeviceError as error:
-                self._reopen(error)
+                self._reopen(error.problem)
             except Exception as error:  # noqa: BLE001 (edge of a thread: a driver that breaks is reopened too)
-                self._reopen(DeviceError(self.name, f"its driver failed ({error!r})"))
+                self._reopen(f"its driver failed ({error!r})")
         self.driver.disconnect()
 
     def _grab(self) -> None:
         """One picture, or a check that the camera is not silent for too long."""
         left_s = self._new_s + self._patience_s() - time.monotonic()
         if left_s <= 0.0:
-            raise DeviceLost(self.name, self._flaw)
-        with contextlib.suppress(DeviceTimeout):
-            self._take(self.driver.grab(min(left_s, _SLICE_S)))
-
-    def _take(self, raw: RawFrame) -> None:
-        """Count a picture and hand it on, unless it is damaged or came before."""
+            raise DeviceLost(self.name, self._known.flaw)
+        try:
+            raw = self.driver.grab(min(left_s, _SLICE_S))
+        except DeviceTimeout:
+            return
         arrived_s = time.monotonic()
-        assert self._facts is not None
-        if isinstance(raw.data, bytes) and not _is_whole(raw.data, self._facts.size):
-            with self._changed:
-                self._damaged += 1
-                self._flaw = "sends nothing but damaged pictures"
-            return
-        if self._repeats.is_repeat(raw.data):
-            with self._changed:
-                self._repeated += 1
-                self._flaw = "is frozen: it sends the same picture again and again"
-            return
-        exposed_s, is_timed = arrived_s - self.latency_s, False
-        if raw.exposed_s is not None and arrived_s - _OLDEST_S < raw.exposed_s <= arrived_s:
-            exposed_s, is_timed = raw.exposed_s, True
         with self._changed:
-            frame = Frame(
-                self._frames, self.mounting.size(self._facts.size), exposed_s, arrived_s, raw.exposure_us,
-                is_timed,
-                LazyPicture(raw, self._facts.size, self.mounting, f"{self.name} frame {self._frames}"),
-            )  # fmt: skip
-            self._frames += 1
-            self._rhythm.add(frame.exposed_s, is_timed)
-            self._latest, self._new_s, self._has_begun, self._flaw = frame, arrived_s, True, _SILENT
+            frame = self._known.take(raw, arrived_s)
+            if frame is None:
+                return
+            self._latest, self._new_s = frame, arrived_s
             for stream in self._streams:
                 stream.add(frame)
             self._changed.notify_all()
 
-    def _reopen(self, error: DeviceError) -> None:
+    def _reopen(self, problem: str) -> None:
         """Close the camera and try until it is back with pictures of the same size, or nobody wants it."""
         closing = self._closing
-        if closing.is_set():
-            return
         with self._changed:
-            self._is_open, self._last_error = False, str(error)
+            self._is_open, self._last_error = False, problem
             for stream in self._streams:
-                stream.lose(str(error))
+                stream.lose(problem)
             self._changed.notify_all()
         attempt = 0
         while not closing.is_set():
@@ -329,62 +270,45 @@ class Camera:
                 return
             attempt += 1
             try:
-                self._open_again()
-            except DeviceError as again:
-                with self._changed:
-                    self._last_error = str(again)
+                self.driver.connect()
+                self._known.reopen(self.driver.facts)
+            except DeviceError as error:
+                self._note(error.problem)
+            except ValueError as error:
+                self._note(str(error))
             else:
+                self._go_on()
                 return
 
-    def _open_again(self) -> None:
-        self.driver.connect()
-        facts = self.driver.facts
-        assert self._facts is not None
-        if facts.size != self._facts.size:
-            sizes = "{} x {} pixels instead of {} x {}".format(*facts.size, *self._facts.size)
-            raise DeviceError(
-                self.name, f"came back with {sizes}", "Close the program that changed it, or connect again."
-            )
+    def _go_on(self) -> None:
         self._write_controls()
         with self._changed:
-            self._facts, self._is_open = facts, True
-            self._has_begun, self._flaw, self._new_s = False, _SILENT, time.monotonic()
+            if self._closing.is_set():
+                return
+            self._is_open, self._new_s = True, time.monotonic()
             self._reopened += 1
-            self._rhythm.pause()
-            self._repeats = Repeats()
             for stream in self._streams:
                 stream.find()
             self._changed.notify_all()
 
     def _write_controls(self) -> None:
-        """Everything that was ever asked for; a control that the camera no longer takes is left alone."""
-        with self._controls_lock:
-            for name, value in self._asked.items():
-                try:
-                    self.driver.set_control(name, value)
-                except DeviceError as error:
-                    with self._changed:
-                        self._last_error = str(error)
-            if self._asked:
-                self._settle()
+        refused = self._controls.write_again()
+        if refused:
+            self._note(refused)
+
+    def _note(self, problem: str) -> None:
+        with self._changed:
+            self._last_error = problem
 
     def _settle(self) -> None:
         """Sensors take over a new value one picture late, and that one is under way."""
         with self._changed:
-            self._settled_s = time.monotonic() + self._period_s()
-
-    def _surely_began_s(self, frame: Frame) -> float:
-        return frame.exposed_s if frame.is_timed else frame.exposed_s - self._period_s()
-
-    def _period_s(self) -> float:
-        announced = self._facts.fps if self._facts is not None else 0.0
-        fps = self._rhythm.fps or announced
-        return 1.0 / fps if fps > 0.0 else 1.0 / 30.0
+            self._settled_s = time.monotonic() + self._known.period_s
 
     def _patience_s(self) -> float:
-        exposure_s = (self._asked.get(ControlName.EXPOSURE) or 0.0) / 1e6
-        patience_s = max(_PATIENCE_S, _PATIENCE_PERIODS * self._period_s() + exposure_s)
-        return patience_s if self._has_begun else max(patience_s, _START_PATIENCE_S)
+        intake = self._known
+        patience_s = max(_PATIENCE_S, _PATIENCE_PERIODS * intake.period_s + self._controls.exposure_s)
+        return patience_s if intake.has_begun else max(patience_s, _START_PATIENCE_S)
 
     def _check_connected(self) -> None:
         if self._thread is None or self._closing.is_set():
@@ -397,10 +321,3 @@ class Camera:
 
     def _not_connected(self) -> DeviceError:
         return DeviceError(self.name, "is not connected", "Connect it first.")
-
-
-def _is_whole(data: bytes, size: tuple[int, int]) -> bool:
-    try:
-        return inspect(data).size == size
-    except ValueError:
-        return False
