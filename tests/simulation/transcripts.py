@@ -28,7 +28,7 @@ class Travel:
 
     Attributes:
         axis: `x`, `t` or `e`.
-        begin, end: position before and after.
+        begin, end: position before and after; a move belongs to the row in which it ends.
         pulses: how many; duration_s: from the first to the last of them.
     """
 
@@ -81,7 +81,8 @@ class Setting:
     """What surrounded a row and its table does not say.
 
     Attributes:
-        before: bytes sent before the request, each with the seconds until what comes next.
+        before: bytes sent before the request, each with the seconds until what comes next. What is said
+            to them belongs to the row's reply; latencies and switching count from the request on.
         quiet_s: how long the recorder listened after the last byte that it expected.
     """
 
@@ -157,18 +158,22 @@ class Played:
 
 
 class Player:
-    """Plays rows one after the other against one emulator; time goes on from row to row."""
+    """Plays rows one after the other against one emulator; time goes on from row to row.
+
+    A move that is still under way when a row is over counts in the row in which it ends, as in the tables.
+    """
 
     def __init__(self, firmware: Firmware) -> None:
         self.firmware = firmware
         self.now_s = 0.0
+        self._stood_at = 0
 
     def play(self, row: Row, setting: Setting | None = None) -> Played:
         """Send the row's request, listen until its reply is over, and tell what happened."""
         setting = setting or Setting()
         firmware, plant = self.firmware, self.firmware.plant
-        events_before, lost_before = list(plant.events), firmware.lost_bytes
-        begin = self._steps_at(self.now_s)
+        lost_before = firmware.lost_bytes
+        begin = self._stood_at
         for data, wait_s in setting.before:
             firmware.receive(data, self.now_s)
             self._pass(wait_s)
@@ -183,8 +188,9 @@ class Player:
         self._pass((row.last_ms or 0.0) / 1000.0 + setting.quiet_s)
         sent = firmware.sent_with_times(self.now_s)
         after = [1000.0 * (at - ended_s) for at, _ in sent if at > asked_s]
-        known = set(map(id, events_before))
-        events = [event for event in plant.events if id(event) not in known]
+        if not plant.at(self.now_s).is_moving:
+            self._stood_at = self._steps_at(self.now_s)
+        events = [event for event in plant.events if event.time_s >= asked_s]
         return Played(
             reply=bytes(byte for _, byte in sent),
             first_ms=after[0] if after else math.nan,
@@ -196,7 +202,7 @@ class Player:
             ),
             driver=tuple(event.what == "driver on" for event in events if event.what.startswith("driver")),
             begin=begin,
-            end=self._steps_at(self.now_s),
+            end=self._stood_at,
             lost_bytes=firmware.lost_bytes - lost_before,
         )
 
