@@ -10,6 +10,7 @@ from app.cli.console import console
 from app.cli.demo import demo_command
 from app.cli.import_pictures import import_command
 from app.cli.reconstruct import reconstruct_command
+from app.cli.scan import scan_command
 from app.cli.simulate import simulate_command
 from app.errors import ScannerError
 
@@ -33,6 +34,7 @@ app.command("board")(board_command)
 app.command("platter")(platter_command)
 app.command("calibrate")(calibrate_command)
 app.command("reconstruct")(reconstruct_command)
+app.command("scan")(scan_command)
 app.command("simulate")(simulate_command)
 app.command("demo")(demo_command)
 

@@ -15,6 +15,7 @@ from app.documents import Entry, Json, compose
 from app.errors import BenchFileError
 from app.files import reason, write_whole
 from app.recording.manifest_facts import BoardFacts, Direction, LaserFacts, Name, PlatterFacts
+from app.simulation.firmware.kernel import FIRMWARES
 
 SIMULATED = "simulated"
 _MOST_BYTES = 1_000_000
@@ -163,13 +164,14 @@ def simulated_description(dialect: str = "horus", **simulation: Any) -> BenchDes
         dialect: which firmware the simulated board speaks.
         simulation: further keys of the `[simulation]` table, see `WorldPlan`.
     """
+    channels: tuple[int, ...] = getattr(FIRMWARES.maker(dialect), "channels", ())
     document: Json = {
         "name": "simulated bench",
         "turntable": {"driver": SIMULATED, "settle_s": 0.0},
         "camera": {"driver": SIMULATED},
         "lasers": [
-            {"name": "left", "channel": 0, "colour": "red"},
-            {"name": "right", "channel": 1, "colour": "red"},
+            {"name": name, "channel": channel, "colour": "red"}
+            for name, channel in zip(("left", "right"), channels, strict=False)
         ],
         "simulation": {"dialect": dialect, **simulation},
     }

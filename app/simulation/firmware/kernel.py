@@ -6,7 +6,8 @@ pseudo-terminal, where they do not.
 
 import math
 from collections import deque
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
+from types import MappingProxyType
 
 from app.registry import Registry
 from app.simulation.firmware.plant import Plant
@@ -31,12 +32,20 @@ class Firmware:
         deaf_until_s: while interrupts are off, what arrives is lost.
         lost_bytes: how many were.
         steps_per_turn: pulses that turn the standard table once.
+        outputs: the plant's laser outputs, in the order in which a rig's lasers are plugged in.
+        channels: what the board's driver calls these.
+        driver: which driver speaks to it, where it has another name than the dialect.
+        driver_options: with which that driver fits the standard table.
     """
 
     baud = 115200
     buffer_size = 128
     boot_s = 1.0
     steps_per_turn = 3200.0
+    outputs: tuple[int, ...] = (0, 1)
+    channels: tuple[int, ...] = (1, 2)
+    driver = ""
+    driver_options: Mapping[str, object] = MappingProxyType({})
 
     def __init__(self, plant: Plant) -> None:
         self.plant = plant

@@ -1,0 +1,77 @@
+"""What the commands that use a bench share: finding its file, its calibration, and a safe way out."""
+
+import contextlib
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+
+from app.calibration.record import CalibrationRecord
+from app.calibration.store import CalibrationStore
+from app.cli.calibrate import STORE
+from app.devices.bench import Bench
+from app.devices.bench_file import SIMULATED, BenchDescription, read_bench_file, simulated_description
+from app.errors import BenchFileError, CalibrationFileError
+
+BENCH_FILE = Path("bench.toml")
+
+
+def bench_description(spec: str) -> BenchDescription:
+    """What `--bench` names: a file, `simulated`, or `simulated:` with the dialect of its board.
+
+    Raises:
+        BenchFileError: the file cannot be used, or none was named and there is no bench.toml.
+    """
+    name, _, dialect = spec.partition(":")
+    if name == SIMULATED:
+        return simulated_description(**({"dialect": dialect} if dialect else {}))
+    if not spec and not BENCH_FILE.is_file():
+        raise BenchFileError(
+            "--bench",
+            f"is not given, and there is no {BENCH_FILE} here",
+            "Write one with `turnscan devices --write bench.toml`, or try `--bench simulated`.",
+        )
+    return read_bench_file(Path(spec) if spec else BENCH_FILE)
+
+
+def calibration_for(bench: Bench, file: Path | None) -> CalibrationRecord | None:
+    """The calibration of a bench: as named, else the simulated world's own, else the newest that is kept.
+
+    Raises:
+        CalibrationFileError: the named file cannot be used.
+    """
+    if file is not None:
+        return CalibrationRecord.load(file)
+    if bench.world is not None:
+        rig = bench.world.rig
+        return CalibrationRecord(
+            camera=rig.camera,
+            lasers=rig.lasers,
+            axis=rig.axis,
+            method="simulated",
+            source="the simulated bench",
+        )
+    try:
+        return CalibrationStore(STORE).newest()
+    except CalibrationFileError:
+        return None
+
+
+@contextmanager
+def orderly() -> Iterator[None]:
+    """Every request to end is a KeyboardInterrupt, once; the way out itself is not interrupted."""
+    is_ending = False
+
+    def end(number: int, frame: FrameType | None) -> None:
+        nonlocal is_ending
+        if not is_ending:
+            is_ending = True
+            raise KeyboardInterrupt
+
+    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
+    with contextlib.ExitStack() as stack:
+        for name in names:
+            number = getattr(signal, name)
+            stack.callback(signal.signal, number, signal.signal(number, end))
+        yield

@@ -1,0 +1,196 @@
+"""`turnscan scan`: pictures from the bench into a recording, points while it goes on."""
+
+import contextlib
+import math
+import time
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.calibration.record import CalibrationRecord
+from app.cli.bench import bench_description, calibration_for, orderly
+from app.cli.console import ShowProgress, check_output, console, progress_bar, say, warn
+from app.cli.reconstruct import reconstruct_command
+from app.devices.bench import Bench
+from app.errors import OptionError
+from app.geometry.rig import Rig
+from app.recording.manifest import FrameEntry
+from app.scanning.find_angle import MarkerFinder
+from app.scanning.live import LivePoints
+from app.scanning.plan import ScanPlan
+from app.scanning.run import Recovery, place_table, run_scan
+from app.scanning.scan import Taken
+from app.scanning.session import ScanSession
+from app.scanning.sources import scan_detector
+
+_NOT_DONE = 2
+_CALIBRATION = "calibration.json"
+
+
+class _Mode(StrEnum):
+    STEP = "step"
+    CONTINUOUS = "continuous"
+
+
+def scan_command(
+    out: Annotated[
+        Path, typer.Argument(help="Folder of the new recording; with --resume, of an unfinished one.")
+    ],
+    bench: Annotated[
+        str, typer.Option(help="Bench file, or simulated, or simulated:grbl; by default bench.toml.")
+    ] = "",
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with a scan that ended early.")] = False,
+    mode: Annotated[_Mode, typer.Option(help="Stop for every picture, or turn steadily.")] = _Mode.STEP,
+    steps: Annotated[int, typer.Option(min=1, help="Stops in one turn.")] = 200,
+    laser: Annotated[list[str] | None, typer.Option(help="Lasers that scan; all by default.")] = None,
+    turn: Annotated[
+        float, typer.Option(min=0.001, max=3600.0, help="How far the table turns, degrees.")
+    ] = 360.0,
+    seconds_per_turn: Annotated[float, typer.Option(min=0.1, help="Of a continuous scan.")] = 30.0,
+    no_dark: Annotated[
+        bool, typer.Option("--no-dark", help="No pictures with the lasers off: faster, for a dark room.")
+    ] = False,
+    texture_every: Annotated[
+        int, typer.Option(min=0, help="A picture exposed for texture at every so many stops; 0 for none.")
+    ] = 0,
+    calibration: Annotated[
+        Path | None,
+        typer.Option("-c", "--calibration", help="Its file; by default the newest in calibration_store."),
+    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="PLY to compute at the end.")] = None,
+    patience: Annotated[
+        float, typer.Option(min=0.0, help="Seconds to wait for a device that has gone away.")
+    ] = 60.0,
+    accept_position: Annotated[
+        bool,
+        typer.Option(
+            "--accept-position", help="With --resume: take it that an interrupted move was completed."
+        ),
+    ] = False,
+) -> int:
+    """Scan what stands on the table. Ctrl-C keeps what was taken; --resume goes on."""
+    if output is not None:
+        check_output(output)
+    session = ScanSession.resume(out) if resume else None
+    description = bench_description(bench or ("" if session is None else session.bench_spec))
+    with orderly(), contextlib.ExitStack() as stack:
+        try:
+            machine = stack.enter_context(Bench.build(description))
+            machine.connect()
+            record = calibration_for(machine, calibration)
+            if session is None:
+                names = tuple(laser or machine.lasers)
+                _check_lasers(machine, names, record)
+                plan = ScanPlan(
+                    mode=mode.value, lasers=names, steps=steps, turn_deg=turn, with_dark=not no_dark,
+                    texture_every=texture_every, seconds_per_turn=seconds_per_turn,
+                )  # fmt: skip
+                session = ScanSession.create(out, plan, machine, bench)
+            if record is not None:
+                record.save(out / _CALIBRATION)
+            recovery = _recovery(session, record, machine, patience)
+            if resume:
+                machine.restore(session.table.angle_deg)
+                place_table(machine, session, recovery, takes_target=accept_position)
+            _scan(machine, session, record, recovery)
+        except BaseException as error:
+            if session is None or not session.shots:
+                raise
+            _say_what_is_kept(session, error)
+            if isinstance(error, KeyboardInterrupt):
+                return _NOT_DONE
+            raise
+    say([f"{session.shots} pictures in {out}."])
+    if output is None:
+        if record is not None:
+            say([f"Turn them into a cloud: turnscan reconstruct {out} -c {out / _CALIBRATION} -o cloud.ply"])
+        return 0
+    if record is None:
+        raise OptionError(
+            "There is no calibration, so there is no cloud.",
+            f"Calibrate, then run `turnscan reconstruct {out}`.",
+        )
+    return reconstruct_command(out, output, out / _CALIBRATION)
+
+
+class _Progress:
+    """Shows how a scan goes."""
+
+    def __init__(self, session: ScanSession, live: LivePoints | None, show: ShowProgress) -> None:
+        self.session, self.live, self.show = session, live, show
+        self.began_s = time.monotonic()
+
+    def taken(self, taken: Taken, entry: FrameEntry) -> None:
+        note = f"{self.session.shots} pictures"
+        if self.live is not None:
+            self.live.add(taken)
+            rate = self.live.points / max(time.monotonic() - self.began_s, 1e-3)
+            note += f", {self.live.points:,} points, {rate:,.0f}/s"
+        if self.session.plan.mode == "step":
+            self.show("Scanning", self.session.shots, self.session.plan.shots, note)
+        else:
+            self.show("Scanning", round(1000 * self.session.done), 1000, note)
+
+    def waiting(self, problem: str) -> None:
+        console.print("[yellow]Paused:[/]", end=" ")
+        say([f"{problem}. The scan goes on when it is back; Ctrl-C ends it and keeps what was taken."])
+
+    def going_on(self) -> None:
+        say(["It is back; the scan goes on."])
+
+
+def _scan(bench: Bench, session: ScanSession, record: CalibrationRecord | None, recovery: Recovery) -> None:
+    with contextlib.ExitStack() as stack:
+        live: LivePoints | None = None
+        rig = _rig_of(record)
+        if rig is not None:
+            way = math.radians(1.0 if bench.description.turntable.direction == "ccw" else -1.0)
+            live = stack.enter_context(
+                LivePoints(
+                    rig, scan_detector(), {name: entry.colour for name, entry in bench.lasers.items()},
+                    lambda angle_deg: way * angle_deg,
+                )
+            )  # fmt: skip
+        show = stack.enter_context(progress_bar())
+        run_scan(bench, session, _Progress(session, live, show), recovery)
+    if live is not None:
+        if live.problem:
+            warn([f"No live points: {live.problem}"])
+        if live.left_out:
+            warn([f"{live.left_out} pictures came faster than points could be computed; all are recorded."])
+
+
+def _recovery(
+    session: ScanSession, record: CalibrationRecord | None, bench: Bench, patience_s: float
+) -> Recovery:
+    rig, platter = _rig_of(record), bench.description.platter
+    if rig is None or platter is None:
+        return Recovery(patience_s)
+    return Recovery(patience_s, MarkerFinder(rig, platter.spec(), session.folder))
+
+
+def _rig_of(record: CalibrationRecord | None) -> Rig | None:
+    return None if record is None or record.axis is None or not record.lasers else record.rig
+
+
+def _check_lasers(bench: Bench, names: tuple[str, ...], record: CalibrationRecord | None) -> None:
+    for name in names:
+        if name not in bench.lasers:
+            known = ", ".join(bench.lasers) or "none"
+            raise OptionError(f"The bench has no laser called {name!r}.", f"It has: {known}.")
+        if record is not None and record.lasers and name not in record.lasers:
+            known = ", ".join(record.lasers)
+            raise OptionError(
+                f"The calibration ({record.source}) knows no laser called {name!r}.",
+                f"It knows: {known}. Name its lasers as the bench does, or calibrate again.",
+            )
+    if not names:
+        raise OptionError("The bench has no laser.", "List its lasers in the bench file.")
+
+
+def _say_what_is_kept(session: ScanSession, error: BaseException) -> None:
+    if isinstance(error, KeyboardInterrupt):
+        console.print("[bold yellow]Stopped.[/]", end=" ")
+    say([f"{session.shots} pictures are kept. Go on with: turnscan scan --resume {session.folder}"])

@@ -1,0 +1,336 @@
+"""The bench: the camera and the controller board that we own, for one job at a time."""
+
+import contextlib
+import inspect
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+from app.devices.bench_file import SIMULATED, BenchDescription, CameraEntry, LaserEntry
+from app.devices.camera import Camera, CameraSettings, CameraState
+from app.devices.camera_driver import CAMERAS
+from app.devices.frame import Use
+from app.devices.turntable import TURNTABLES, Turntable
+from app.devices.watchdog import Watchdog
+from app.documents import Json
+from app.errors import BenchBusy, BenchFileError, DeviceError, OptionError, PositionUnknown
+from app.simulation.world import SimulatedWorld, WorldPlan
+
+_LEASE_WAIT_S = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class BenchSnapshot:
+    """How the bench stands.
+
+    Attributes:
+        name: of the bench.
+        turntable: what the board says of itself; empty where it is not connected.
+        angle_deg: where the table stands, as far as is known.
+        lasers_on: names of the lasers that were switched on and not off.
+        camera: state of the camera.
+        holder: the job that holds the bench; empty for none.
+        problems: what is wrong now, as sentences.
+    """
+
+    name: str
+    turntable: str
+    angle_deg: float
+    lasers_on: tuple[str, ...]
+    camera: CameraState
+    holder: str
+    problems: tuple[str, ...]
+
+
+class Bench:
+    """A camera, a turntable with its lasers, and who may use them.
+
+    Devices are connected one by one: what is missing does not keep the other from working. Everything may be
+    called from any thread; what moves or lights wants the lease of the bench first.
+
+    Attributes:
+        description: the bench file.
+        turntable: the board.
+        camera: the camera.
+        lasers: entries of the bench file by name.
+        world: the simulated world, where a device is simulated.
+    """
+
+    def __init__(
+        self,
+        description: BenchDescription,
+        turntable: Turntable,
+        camera: Camera,
+        *,
+        world: SimulatedWorld | None = None,
+        folder: "tempfile.TemporaryDirectory[str] | None" = None,
+    ) -> None:
+        self.description, self.turntable, self.camera, self.world = description, turntable, camera, world
+        self.lasers: Mapping[str, LaserEntry] = {laser.name: laser for laser in description.lasers}
+        self._folder = folder
+        self._watchdog = Watchdog()
+        self._lock = threading.Lock()
+        self._lease = threading.Semaphore()
+        self._holder = ""
+        self._lit: dict[str, None] = {}
+        self._problems: dict[str, str] = {}
+
+    @classmethod
+    def build(cls, description: BenchDescription) -> Self:
+        """The devices that a bench file names, not connected yet.
+
+        Raises:
+            OptionError, BenchFileError: a driver or an option does not exist.
+        """
+        folder, world = None, None
+        if description.is_simulated:
+            folder = tempfile.TemporaryDirectory(prefix="turnscan-", ignore_cleanup_errors=True)
+            world = SimulatedWorld(world_plan(description), Path(folder.name))
+        try:
+            turntable = _made(TURNTABLES, description.turntable.driver, description.turntable.options, world)
+            driver = _made(CAMERAS, description.camera.driver, description.camera.options, world)
+        except BaseException:
+            if world is not None:
+                world.close()
+            raise
+        camera = _camera(driver, description.camera)
+        return cls(description, turntable, camera, world=world, folder=folder)
+
+    def connect(self) -> None:
+        """Connect whatever is not connected; tries both before it complains about one.
+
+        Raises:
+            PositionUnknown: the board is there, but where the table stands has to be told (`turntable.zero`).
+            DeviceError: the first thing that failed.
+        """
+        errors: list[DeviceError] = []
+        for name, connect in (("turntable", self.connect_turntable), ("camera", self.connect_camera)):
+            try:
+                connect()
+            except DeviceError as error:
+                self._problems[name] = error.message
+                errors.append(error)
+        if errors:
+            raise min(errors, key=lambda error: isinstance(error, PositionUnknown))
+
+    def connect_turntable(self) -> None:
+        """Connect the board; all lasers are off afterwards. Raises as `Turntable.connect`."""
+        self._problems.pop("turntable", None)
+        self._lit.clear()
+        try:
+            self.turntable.connect()
+        finally:
+            if self.turntable.is_connected:
+                self._watchdog.guard(self.turntable.farewell)
+
+    def connect_camera(self) -> None:
+        """Connect the camera. Raises as `Camera.connect`."""
+        self._problems.pop("camera", None)
+        if not self.camera.state.is_connected:
+            self.camera.connect()
+
+    def disconnect(self) -> None:
+        """Make everything safe and let go of it. Never fails."""
+        with contextlib.suppress(DeviceError):
+            self.make_safe()
+        self.turntable.disconnect()
+        self.camera.disconnect()
+        self._watchdog.close()
+        if self.world is not None:
+            self.world.close()
+        if self._folder is not None:
+            self._folder.cleanup()
+
+    @contextmanager
+    def lease(self, holder: str, *, wait_s: float = _LEASE_WAIT_S) -> Iterator[None]:
+        """Hold the bench for a job; it is made safe on every way out.
+
+        Raises:
+            BenchBusy: another job holds it.
+        """
+        if not self._lease.acquire(timeout=wait_s):
+            raise BenchBusy(f"The bench is in use: {self._holder}.")
+        self._holder = holder
+        try:
+            yield
+        finally:
+            try:
+                with contextlib.suppress(DeviceError):
+                    self.make_safe()
+            finally:
+                self._holder = ""
+                self._lease.release()
+
+    @contextmanager
+    def lit(self, *names: str) -> Iterator[None]:
+        """These lasers are on inside the block, and off after it."""
+        try:
+            for name in names:
+                self.switch(name, True)
+            yield
+        except BaseException:
+            # What went wrong first is what a person should be told.
+            with contextlib.suppress(DeviceError):
+                self._put_out(names)
+            raise
+        self._put_out(names)
+
+    def switch(self, name: str, is_on: bool) -> None:
+        """Put one laser on or off.
+
+        Raises:
+            OptionError: there is no such laser.
+            DeviceError: the board does not do it.
+        """
+        if name not in self.lasers:
+            known = ", ".join(self.lasers) or "none"
+            raise OptionError(f"The bench has no laser called {name!r}.", f"It has: {known}.")
+        if is_on:
+            # Noted before it is done, so that nobody who asks in between is told that it is dark.
+            with self._lock:
+                self._lit[name] = None
+        self.turntable.set_laser(self.lasers[name].channel, is_on)
+        if not is_on:
+            with self._lock:
+                self._lit.pop(name, None)
+
+    def _put_out(self, names: Sequence[str]) -> None:
+        """Every one of them, even where the board complains about another."""
+        with contextlib.ExitStack() as stack:
+            for name in names:
+                stack.callback(self.switch, name, False)
+
+    def make_safe(self) -> None:
+        """Table stopped, lasers off, motor let go; from any thread, in any state.
+
+        Raises:
+            DeviceError: the board cannot be reached.
+        """
+        try:
+            if self.turntable.is_connected:
+                self.turntable.make_safe()
+        finally:
+            with self._lock:
+                self._lit.clear()
+
+    def recover(self, timeout_s: float, on_wait: Callable[[str], None] | None = None) -> None:
+        """Bring back what was lost: wait for the devices, under whatever name, and connect them.
+
+        Args:
+            timeout_s: give up after so long.
+            on_wait: told, once for each, what is being waited for.
+
+        Raises:
+            PositionUnknown: all is back, but the table's angle has to be told.
+            DeviceError: what was wrong at the last try.
+        """
+        ends, told, pause_s = time.monotonic() + timeout_s, "", 0.1
+        unknown: PositionUnknown | None = None
+        while True:
+            try:
+                self.connect()
+            except PositionUnknown as error:
+                unknown = error
+            except DeviceError as error:
+                if error.message != told and on_wait is not None:
+                    on_wait(error.message)
+                told = error.message
+                if time.monotonic() + pause_s > ends:
+                    raise
+                time.sleep(pause_s)
+                pause_s = min(1.0, 1.5 * pause_s)
+                continue
+            if unknown is not None:
+                raise unknown
+            return
+
+    def restore(self, angle_deg: float) -> None:
+        """A simulated world begins with its table at 0; let it stand where an earlier one left it."""
+        if self.world is not None:
+            way = 1.0 if self.description.turntable.direction == "ccw" else -1.0
+            self.world.plant.slip(way * angle_deg, self.world.clock.now_s())
+
+    def snapshot(self) -> BenchSnapshot:
+        """How it stands now; never waits for a device."""
+        with self._lock:
+            lit = tuple(self._lit)
+        is_there = self.turntable.is_connected
+        return BenchSnapshot(
+            self.description.name,
+            self.turntable.facts.firmware if is_there else "",
+            self.turntable.angle_deg,
+            lit,
+            self.camera.state,
+            self._holder,
+            tuple(self._problems.values()),
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.disconnect()
+
+
+def world_plan(description: BenchDescription) -> WorldPlan:
+    """The `[simulation]` table of a bench file, with the bench's own platter and board.
+
+    Raises:
+        BenchFileError: a key or value that means nothing.
+    """
+    options: Json = dict(description.simulation or {})
+    known = {field.name for field in fields(WorldPlan)}
+    for key in options:
+        if key not in known:
+            raise BenchFileError(
+                "simulation", f"there is no option {key!r}", f"Known are: {', '.join(sorted(known))}."
+            )
+    if description.platter is not None:
+        options["platter"] = description.platter.spec()
+    if description.board is not None:
+        options["board"] = description.board.spec()
+    try:
+        return WorldPlan(**options)
+    except (TypeError, ValueError) as error:
+        raise BenchFileError("simulation", str(error)) from error
+
+
+def _camera(driver: Any, entry: CameraEntry) -> Camera:
+    settings = {
+        use: CameraSettings(controls.values)
+        for use, controls in (
+            (Use.LASER, entry.laser),
+            (Use.TEXTURE, entry.texture),
+            (Use.BOARD, entry.board),
+        )
+    }
+    return Camera(
+        driver,
+        rotation=entry.rotation,
+        is_mirrored=entry.mirror,
+        latency_s=1e-3 * entry.latency_ms,
+        settings=settings,
+    )
+
+
+def _made(registry: Any, driver: str, options: Json, world: SimulatedWorld | None) -> Any:
+    """A device by name; an option that its driver does not take is named."""
+    maker = registry.maker(driver)
+    taken = inspect.signature(maker).parameters
+    for key in options:
+        if key not in taken or key == "world":
+            known = ", ".join(name for name in taken if name not in ("world", "self"))
+            raise OptionError(f"The {registry.kind} {driver!r} has no option {key!r}.", f"It takes: {known}.")
+    given = dict(options) | ({"world": world} if driver == SIMULATED else {})
+    try:
+        return maker(**given)
+    except TypeError as error:
+        raise OptionError(f"The {registry.kind} {driver!r} cannot be built: {error}.") from error

@@ -1,0 +1,146 @@
+"""The capture loop: pictures from the bench, each with what the rig did while it was taken."""
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from app.devices.bench import Bench
+from app.devices.frame import Frame, Use
+from app.errors import DeviceLost
+from app.scanning.pipeline import ordered_map
+from app.scanning.plan import Look, ScanPlan
+from app.scanning.steady_angle import SteadyAngle, follow
+
+# A laser may stay lit no longer than this for a picture that does not come.
+_PICTURE_S = 0.9
+_PICTURE_PERIODS = 8.0
+_DEVELOPERS = 2
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Taken:
+    """A picture as the bench gave it.
+
+    Attributes:
+        data: PNG or JPEG file.
+        frame: where it is from.
+        look: what it shows.
+        stop: number of the stop; in a continuous scan, of the picture in its turn.
+        angle_deg: table angle at the middle of its exposure, as told or counted.
+        time_s: monotonic time of that.
+    """
+
+    data: bytes
+    frame: Frame
+    look: Look
+    stop: int
+    angle_deg: float
+    time_s: float
+
+
+def scan_steps(
+    bench: Bench,
+    plan: ScanPlan,
+    is_taken: Callable[[int, Look], bool],
+    before_move: Callable[[float], None],
+) -> Iterator[Taken]:
+    """One turn in stops; at each one the table stands still while the pictures are exposed.
+
+    Args:
+        bench: held by the caller, connected.
+        plan: see there.
+        is_taken: whether a picture of a stop is there already; those are passed over.
+        before_move: told where the table is about to go.
+
+    Raises:
+        DeviceError: a device failed; the lasers are off, and the same call goes on where this one ended.
+    """
+    bench.turntable.hold(True)
+    for stop in range(plan.steps):
+        looks = [look for look in plan.looks(stop) if not is_taken(stop, look)]
+        if not looks:
+            continue
+        before_move(plan.angle_deg(stop))
+        angle_deg = bench.turntable.move_to(plan.angle_deg(stop))
+        time.sleep(bench.description.turntable.settle_s)
+        for look in looks:
+            frame = _photographed(bench, look)
+            yield Taken(frame.encoded(), frame, look, stop, angle_deg, _middle_s(frame))
+
+
+def scan_steadily(
+    bench: Bench,
+    plan: ScanPlan,
+    reached_deg: Callable[[Look], float | None],
+    before_move: Callable[[float], None],
+) -> Iterator[Taken]:
+    """One steady turn for each laser, every frame of the camera with its angle by time.
+
+    Args:
+        bench: held by the caller, connected.
+        plan: see there.
+        reached_deg: angle within a turn of the last picture that is there; None for none.
+        before_move: told where the table is about to go.
+
+    Raises:
+        DeviceError: as `scan_steps`.
+    """
+    bench.turntable.hold(True)
+    for number, look in enumerate(plan.passes):
+        done_deg = reached_deg(look)
+        if done_deg is not None and done_deg >= plan.turn_deg:
+            continue
+        begins_deg = number * plan.turn_deg
+        from_deg = begins_deg + (0.0 if done_deg is None else done_deg)
+        yield from _one_turn(bench, plan, look, begins_deg, from_deg, before_move)
+
+
+def _one_turn(
+    bench: Bench,
+    plan: ScanPlan,
+    look: Look,
+    begins_deg: float,
+    from_deg: float,
+    before_move: Callable[[float], None],
+) -> Iterator[Taken]:
+    table, camera = bench.turntable, bench.camera
+    camera.prepare(Use.LASER if look.lasers else Use.TEXTURE)
+    start_deg, ends_deg = from_deg - plan.run_in_deg, begins_deg + plan.turn_deg
+    before_move(start_deg)
+    table.move_to(start_deg)
+    before_move(ends_deg + plan.run_in_deg)
+    with camera.stream(patience_s=_PICTURE_S) as stream, bench.lit(*look.lasers):
+        turn = table.start_turning(ends_deg + plan.run_in_deg - start_deg, plan.speed_deg_s)
+        with follow(table, turn) as angle:
+            wanted = _between(bench, stream, angle, from_deg, ends_deg)
+            for frame, data in ordered_map(lambda frame: (frame, frame.encoded("jpeg")), wanted, _DEVELOPERS):
+                middle_s = _middle_s(frame)
+                yield Taken(data, frame, look, frame.index, angle.at(middle_s), middle_s)
+        if stream.lost:
+            raise DeviceLost(camera.name, f"{stream.lost} pictures came faster than they could be kept")
+    table.finish_turning()
+
+
+def _between(
+    bench: Bench, stream: Iterator[Frame], angle: SteadyAngle, from_deg: float, ends_deg: float
+) -> Iterator[Frame]:
+    """The frames of a turn; `from_deg` itself is not wanted again where it was the last picture before."""
+    for frame in stream:
+        if not bench.turntable.is_connected:
+            raise DeviceLost(bench.description.turntable.driver, "the board has gone in mid-turn")
+        at_deg = angle.at(_middle_s(frame))
+        if at_deg >= ends_deg:
+            return
+        if at_deg > from_deg and angle.is_steady(_middle_s(frame)):
+            yield frame
+
+
+def _photographed(bench: Bench, look: Look) -> Frame:
+    bench.camera.prepare(Use.TEXTURE if look.for_colour else Use.LASER)
+    timeout_s = _PICTURE_S + _PICTURE_PERIODS / max(bench.camera.facts.fps, 1.0)
+    with bench.lit(*look.lasers):
+        return bench.camera.fresh_frame(timeout_s=timeout_s)
+
+
+def _middle_s(frame: Frame) -> float:
+    return frame.exposed_s + 0.5e-6 * (frame.exposure_us or 0.0)
