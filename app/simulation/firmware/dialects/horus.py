@@ -93,7 +93,7 @@ class Horus(Firmware):
         self._motor_on = self._laser_on = self._checks_only = False
         self._is_paused = self._is_held = self._is_braking = False
         self._wants_reset = self._wants_hold = self._wants_start = False
-        self._reports = 0
+        self._reports: int = 0
 
     def _first_start(self) -> Generator[float, None, None]:
         failure = "error: EEPROM read fail. Using defaults\r\n"
