@@ -1,7 +1,5 @@
 """The one world that the simulated camera and the simulated board share."""
 
-import threading
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +16,7 @@ from app.simulation.firmware.kernel import FIRMWARES, Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
 from app.simulation.hands import Hands
+from app.simulation.history import History
 from app.simulation.rig import SimulatedRig
 from app.simulation.stage import Moment, Stage, Thing
 from app.simulation.world_plan import WorldPlan
@@ -56,8 +55,7 @@ class SimulatedWorld:
             maker(plant=self.plant), folder / plan.dialect, self.clock,
             resets_on_open=plan.resets_on_open, seed=plan.seed,
         )  # fmt: skip
-        self._lock = threading.Lock()
-        self._settings: deque[_Setting] = deque([_Setting(-np.inf, "object")])
+        self._arranged = History(_Arrangement("object"), 2.0 * _REMEMBERED_S)
 
     @property
     def scanner(self) -> SimulatedRig:
@@ -72,7 +70,7 @@ class SimulatedWorld:
     @property
     def light(self) -> float:
         """How bright the room is; 1 as usual, 0 in the dark."""
-        return self._settings[-1].room
+        return self._arranged.last.room
 
     @light.setter
     def light(self, room: float) -> None:
@@ -112,8 +110,7 @@ class SimulatedWorld:
         start_s = max(start_s, self.clock.now_s() - _REMEMBERED_S)
         end_s = start_s + 1e-6 * settings.exposure_us
         middle_s = 0.5 * (start_s + end_s)
-        with self._lock:
-            now = next(setting for setting in reversed(self._settings) if setting.since_s <= middle_s)
+        now = self._arranged.at(middle_s)
         names = self.plant.wiring.lasers
         shares = self.plant.shares_on(start_s, end_s)
         moment = Moment(
@@ -139,18 +136,14 @@ class SimulatedWorld:
         self.close()
 
     def _change(self, **changed: object) -> None:
-        now_s = self.clock.now_s()
-        with self._lock:
-            self._settings.append(replace(self._settings[-1], since_s=now_s, **changed))  # type: ignore[arg-type]
-            while self._settings[1].since_s < now_s - 2.0 * _REMEMBERED_S:
-                self._settings.popleft()
+        arranged = replace(self._arranged.last, **changed)  # type: ignore[arg-type]
+        self._arranged.change(arranged, self.clock.now_s())
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Setting:
-    """What somebody has arranged, from a time on."""
+class _Arrangement:
+    """What somebody has put there."""
 
-    since_s: float
     thing: Thing
     placement: int = 0
     hands: Hands | None = None
