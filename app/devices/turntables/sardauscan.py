@@ -1,0 +1,270 @@
+"""The Sardauscan with its own firmware: words ended by CR, one line back when the deed is done."""
+
+import contextlib
+import math
+import re
+
+from app.devices.serial_link import SerialLink
+from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
+from app.errors import (
+    DeviceError,
+    DeviceLost,
+    DeviceRefused,
+    DeviceTimeout,
+    DeviceUnrecognised,
+    PositionUnknown,
+)
+
+_BAUD = 115200
+_BANNER_S = 2.5
+_REPLY_S = 1.0
+# The motor makes 500 half-steps/s after a ramp of 200 half-steps/s²; a unit is four half-steps.
+_SPEED, _ACCELERATION, _HALF_STEPS = 500.0, 200.0, 4
+# Nothing can be told to the board during a move, so that a stop, and a laser that shall go out, wait for the
+# end of a piece: 2 s in the dark, 1 s with a laser on.
+_PIECE_UNITS, _LIT_PIECE_UNITS = 50, 12
+# The board multiplies by four in 16 bits.
+_FARTHEST_UNITS = 8000
+_BANNER = re.compile(rb"Sardauscan V(\S*)\r?\n")
+
+
+class Sardauscan:
+    """Arduino with a geared 28BYJ-48 and up to four lasers; firmware of Sardau/Sardauscan.
+
+    The motor turns at one speed and keeps its current after the first move; the firmware cannot let it go.
+
+    Attributes:
+        port: where the board is connected.
+        name: what messages call it.
+    """
+
+    def __init__(self, port: str, name: str = "turntable") -> None:
+        self.port, self.name = port, name
+        self._link = SerialLink(port, _BAUD, name)
+        self._facts = TurntableFacts("Sardauscan", port, (), 360.0 / 1018)
+        self._units_per_turn = 1018
+        self._lit: set[int] = set()
+        self._origin_deg = 0.0
+        self._units = self._board_zero = 0
+        self._underway: tuple[int, int] | None = None
+        self._is_known = False
+
+    @property
+    def facts(self) -> TurntableFacts:
+        return self._facts
+
+    @property
+    def angle_deg(self) -> float:
+        return self._degrees(self._units)
+
+    @property
+    def farewell(self) -> Farewell | None:
+        # Opening resets the board, or it does not; both are waited for.
+        lasers = b"".join(b"L %d 0\r" % channel for channel in self._facts.laser_channels)
+        return Farewell(self.port, _BAUD, ((b"\r", 1.5), (lasers, 0.2)))
+
+    @property
+    def is_connected(self) -> bool:
+        return self._link.is_open
+
+    def connect(self) -> None:
+        is_new = not self._link.is_open
+        heard = b""
+        if is_new:
+            self._link.close()
+            self._link.open()
+            heard = self._link.listen(_BANNER_S, _BANNER)
+        try:
+            with self._link.dialogue():
+                self._shake_hands(heard)
+                self._find_position(was_reset=_BANNER.search(heard) is not None, is_new=is_new)
+                self._darken()
+        except PositionUnknown:
+            raise
+        except DeviceError:
+            self._link.close()
+            raise
+        if self._underway is not None:
+            raise self._lost_position()
+
+    def disconnect(self) -> None:
+        if self._link.is_open:
+            self.make_safe()
+        self._link.close()
+
+    def move_to(self, angle_deg: float) -> float:
+        target = round((angle_deg - self._origin_deg) / 360.0 * self._units_per_turn)
+        with self._link.dialogue():
+            while self._units != target:
+                longest = _LIT_PIECE_UNITS if self._lit else _PIECE_UNITS
+                self._turn(max(-longest, min(longest, target - self._units)))
+        return self.angle_deg
+
+    def start_turning(self, angle_deg: float, speed_deg_s: float) -> SteadyTurn:
+        raise DeviceRefused(
+            self.name,
+            "the Sardauscan firmware stops after every command and has only one speed",
+            "Scan step by step with this board.",
+        )
+
+    def finish_turning(self) -> float:
+        return self.angle_deg
+
+    def position_now(self) -> float | None:
+        return None
+
+    def stop(self) -> float:
+        self._link.interrupt()
+        with self._link.dialogue():
+            self._read_position(piece_s(_PIECE_UNITS) + _REPLY_S)
+        return self.angle_deg
+
+    def zero(self, angle_deg: float = 0.0) -> None:
+        self._origin_deg += angle_deg - self.angle_deg
+        self._underway = None
+
+    def set_laser(self, channel: int, is_on: bool) -> None:
+        if channel not in self._facts.laser_channels:
+            known = ", ".join(map(str, self._facts.laser_channels))
+            raise DeviceRefused(self.name, f"has no laser {channel}", f"Its lasers are {known}.")
+        with self._link.dialogue(wait_s=120.0):
+            # Counted as lit from before the command, so that no move takes it for dark.
+            self._lit.add(channel)
+            wanted = b"1" if is_on else b"0"
+            reply = self._request(b"L %d %s" % (channel, wanted), rb"SET_LASER: \d+\(-?\d+\) = (\d)\r?\n")
+            if reply[1] != wanted:
+                raise DeviceError(self.name, f"did not switch laser {channel}")
+            if not is_on:
+                self._lit.discard(channel)
+
+    def hold(self, is_holding: bool) -> None:
+        """The firmware has no word for it; the motor holds after its first move."""
+
+    def make_safe(self) -> None:
+        self._link.interrupt()
+        with contextlib.suppress(DeviceError):
+            # Waits in the board's buffer until a piece under way is over.
+            self._link.write(b"".join(b"L %d 0\r" % channel for channel in self._facts.laser_channels))
+            with self._link.dialogue():
+                self._read_position(piece_s(_PIECE_UNITS) + _REPLY_S)
+                self._darken()
+
+    def talk(self, line: str) -> str:
+        with self._link.dialogue():
+            self._link.discard()
+            self._link.write(line.encode("ascii", "replace") + b"\r")
+            heard = self._link.read_line(piece_s(10 * _PIECE_UNITS) + _REPLY_S, line)
+            self._read_position(_REPLY_S)
+            return heard
+
+    def _shake_hands(self, heard: bytes) -> None:
+        """Make sure who it is, and learn what it has.
+
+        Raises:
+            DeviceUnrecognised: it is another board, or none.
+        """
+        patience_s = piece_s(_PIECE_UNITS) + _REPLY_S
+        self._link.discard()
+        try:
+            # The first CR ends what an earlier program left in the board's buffer.
+            self._link.write(b"\rsardauscan\r")
+            self._link.wait_for(re.compile(rb"yes\r?\n"), patience_s, "sardauscan")
+        except DeviceTimeout as error:
+            said = heard.decode("ascii", "replace").strip().splitlines()
+            problem = f"is no Sardauscan; it says {said[0]!r}" if said else "does not answer as a Sardauscan"
+            raise DeviceUnrecognised(self.name, f"{self.port} {problem}") from error
+        version = _BANNER.search(heard)
+        told = self._request(b"T S", rb"REVOLUTION STEPS\s+=> (\d+)\r?\n", patience_s)
+        self._units_per_turn = int(told[1])
+        count = int(self._request(b"L", rb"LASER_COUNT: (\d+)\r?\n")[1])
+        fastest = _SPEED / _HALF_STEPS * 360.0 / self._units_per_turn
+        self._facts = TurntableFacts(
+            f"Sardauscan {version[1].decode('ascii', 'replace') if version else ''}".strip(),
+            self.port,
+            tuple(range(count)),
+            360.0 / self._units_per_turn,
+            fastest_deg_s=fastest,
+            can_turn_steadily=False,
+        )
+
+    def _find_position(self, *, was_reset: bool, is_new: bool) -> None:
+        """Keep the angle over a reset, or over this program's absence; a board that kept its count tells."""
+        position = self._ask_position(piece_s(_PIECE_UNITS) + _REPLY_S)
+        if not self._is_known or was_reset or (is_new and position == 0):
+            self._board_zero = self._units - position
+        else:
+            self._units, self._underway = self._board_zero + position, None
+        self._is_known = True
+
+    def _turn(self, units: int) -> None:
+        """One piece of a move."""
+        if abs(self._units + units - self._board_zero) > _FARTHEST_UNITS:
+            self._request(b"T C", rb"RESET CUTTENT POSITION[^\r\n]*\r?\n")
+            self._board_zero = self._units
+        self._heed(self._link.discard())
+        target = self._units + units - self._board_zero
+        self._underway = (self._units, self._units + units)
+        pattern = re.compile(rb"ABSOLUTE ROTATION -?\d+ => (?P<at>-?\d+)\r?\n|" + _BANNER.pattern)
+        try:
+            self._link.write(b"T A %d\r" % target)
+        except DeviceLost:
+            self._underway = None
+            raise
+        reply = self._link.wait_for(pattern, piece_s(abs(units)) + _REPLY_S, f"T A {target}")
+        if reply["at"] is None:
+            self._heed(reply[0])
+        self._units, self._underway = self._board_zero + int(reply["at"]), None
+
+    def _read_position(self, timeout_s: float) -> None:
+        self._units, self._underway = self._board_zero + self._ask_position(timeout_s), None
+
+    def _ask_position(self, timeout_s: float) -> int:
+        return int(self._request(b"T", rb"Position (-?\d+)\r?\n", timeout_s)[1])
+
+    def _darken(self) -> None:
+        for channel in self._facts.laser_channels:
+            self._request(b"L %d 0" % channel, rb"SET_LASER: %d\([^\r\n]*\r?\n" % channel)
+        self._lit.clear()
+
+    def _request(self, command: bytes, pattern: bytes, timeout_s: float = _REPLY_S) -> re.Match[bytes]:
+        """Say something until it is answered; a board that has just reset itself is told once more."""
+        either = re.compile(pattern + b"|(?P<banner>" + _BANNER.pattern + b")")
+        for _ in range(2):
+            self._heed(self._link.discard())
+            self._link.write(command + b"\r")
+            reply = self._link.wait_for(either, timeout_s, command.decode())
+            if reply["banner"] is None:
+                return reply
+            self._heed(reply[0])
+        raise DeviceLost(self.name, "resets itself again and again", "Check its power supply.")
+
+    def _heed(self, heard: bytes) -> None:
+        """A banner in mid-dialogue: the board has reset itself, its count is 0 and its lasers are off.
+
+        Raises:
+            PositionUnknown: it turned meanwhile.
+        """
+        if not _BANNER.search(heard):
+            return
+        self._board_zero = self._units
+        self._lit.clear()
+        if self._underway is not None:
+            raise self._lost_position()
+
+    def _lost_position(self) -> PositionUnknown:
+        ends, self._underway = self._underway or (self._units, self._units), None
+        return PositionUnknown(self.name, *sorted(map(self._degrees, ends)))
+
+    def _degrees(self, units: int) -> float:
+        return self._origin_deg + 360.0 * units / self._units_per_turn
+
+
+def piece_s(units: int) -> float:
+    """How long a move takes, with its ramps."""
+    half_steps = units * _HALF_STEPS
+    if half_steps < _SPEED**2 / _ACCELERATION:
+        return 2.0 * math.sqrt(half_steps / _ACCELERATION)
+    return half_steps / _SPEED + _SPEED / _ACCELERATION
+
+
+TURNTABLES.register("sardauscan", Sardauscan)
