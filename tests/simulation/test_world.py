@@ -161,7 +161,7 @@ def test_a_laser_that_is_too_bright_saturates_until_the_exposure_is_cut(make_wor
 
 def test_what_is_put_on_the_table_is_seen(make_world: MakeWorld) -> None:
     world = make_world()
-    pictures = {}
+    pictures: dict[str, Floats] = {}
     for thing in THINGS:
         world.put(thing)
         pictures[thing] = seen(world)
