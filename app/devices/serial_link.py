@@ -6,10 +6,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 
 import serial
 
+from app.devices.ports import join_group, resolve_port
 from app.errors import DeviceDenied, DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout, MoveStopped
 
 _POLL_S = 0.1
@@ -65,7 +65,7 @@ class SerialLink:
         try:
             # Exclusive, so that a second program is told; network bridges do not know the option.
             self._serial = serial.serial_for_url(
-                self.port, self.baud, timeout=_POLL_S, write_timeout=_WRITE_TIMEOUT_S,
+                resolve_port(self.port), self.baud, timeout=_POLL_S, write_timeout=_WRITE_TIMEOUT_S,
                 stopbits=self._stop_bits, **({} if "://" in self.port else {"exclusive": True}),  # type: ignore[arg-type]
             )  # fmt: skip
         except (*_GONE, ValueError) as error:
@@ -218,7 +218,7 @@ def open_error(port: str, device: str, error: BaseException) -> DeviceError:
     if number == 2 or "FileNotFoundError" in text or "could not find" in text.lower():
         return DeviceNotFound(device, f"there is no port {port}")
     if number == 13 or "PermissionError" in text or "Access is denied" in text:
-        return DeviceDenied(device, f"this user may not open {port}", _join_group(port))
+        return DeviceDenied(device, f"this user may not open {port}", join_group(port))
     if number in (11, 16) or "Could not exclusively lock" in text or "busy" in text.lower():
         return DeviceDenied(device, f"another program uses {port}")
     if isinstance(error, ValueError) or "not a tty" in text.lower() or number in (25, 22):
@@ -226,14 +226,3 @@ def open_error(port: str, device: str, error: BaseException) -> DeviceError:
             device, f"{port} is not a serial port", "Name a port that `turnscan devices` lists."
         )
     return DeviceError(device, f"{port} cannot be opened ({text})")
-
-
-def _join_group(port: str) -> str:
-    """The command that lets a user open the port, where the system has groups."""
-    try:
-        import grp
-
-        group = grp.getgrgid(Path(port).stat().st_gid).gr_name
-    except (ImportError, KeyError, OSError):
-        group = "dialout"
-    return f"Join the group that owns it: `sudo usermod -a -G {group} $USER`, then log in again."
