@@ -209,7 +209,9 @@ class EmulatedPort:
 
     def _garbled(self, data: bytes) -> bytes:
         """What arrives when both ends disagree about the baud rate: fewer bytes, high bits set."""
-        if not data or not self._checks_baud or self._host_baud() == self.firmware.baud:
+        if not data or self._master < 0 or not self._checks_baud:
+            return data
+        if self._host_baud() == self.firmware.baud:
             return data
         ratio = self._host_baud() / self.firmware.baud
         count = max(1, round(len(data) * min(1.0, ratio)))
