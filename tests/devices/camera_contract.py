@@ -1,6 +1,7 @@
 """What every kind of camera must do.
 
-A camera's test module subclasses `CameraContract` and says how to make its driver.
+A camera's test module subclasses `CameraContract` and adds a fixture `unplugged`: a driver that is not yet
+connected, of a camera that is there.
 """
 
 import contextlib
@@ -29,11 +30,6 @@ class CameraContract:
 
     can_vanish = True
     frames = 5
-
-    @pytest.fixture
-    def unplugged(self) -> Iterator[CameraDriver]:
-        """A driver whose camera is there, not yet connected."""
-        raise NotImplementedError
 
     def vanish(self) -> None:
         """The camera is unplugged."""
@@ -207,8 +203,8 @@ def picture(driver: CameraDriver) -> RawFrame:
                 raise
 
 
-def drain(driver: CameraDriver) -> None:
-    """Whatever was under way, until nothing comes any more."""
+def drain(driver: CameraDriver, timeout_s: float = 1.0) -> None:
+    """Take whatever is under way, until an error ends it."""
     deadline_s = time.monotonic() + _SOON_S
     while time.monotonic() < deadline_s:
-        driver.grab(1.0)
+        driver.grab(timeout_s)

@@ -22,7 +22,7 @@ _EXPOSURE, _GAIN, _FOCUS = ControlName.EXPOSURE, ControlName.GAIN, ControlName.F
 
 class TestScripted(CameraContract):
     @pytest.fixture
-    def unplugged(self) -> Iterator[CameraDriver]:
+    def unplugged(self) -> CameraDriver:
         self.scripted = ScriptedCamera()
         return self.scripted
 
