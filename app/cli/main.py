@@ -8,6 +8,7 @@ from app.cli.board import board_command, platter_command
 from app.cli.calibrate import calibrate_command
 from app.cli.console import console
 from app.cli.demo import demo_command
+from app.cli.emulate import emulate_command
 from app.cli.import_pictures import import_command
 from app.cli.reconstruct import reconstruct_command
 from app.cli.scan import scan_command
@@ -36,6 +37,7 @@ app.command("calibrate")(calibrate_command)
 app.command("reconstruct")(reconstruct_command)
 app.command("scan")(scan_command)
 app.command("simulate")(simulate_command)
+app.command("emulate")(emulate_command)
 app.command("demo")(demo_command)
 
 
