@@ -6,6 +6,8 @@ from app.calibration.record import CalibrationRecord
 from app.errors import CalibrationFileError
 from app.files import make_folder
 
+STORE = Path("calibration_store")
+"""Where calibrations are kept, in the folder that a command runs in."""
 _EMPTY_HINT = "Make one with `turnscan calibrate`, or name a file with --calibration."
 
 

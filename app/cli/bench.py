@@ -1,15 +1,9 @@
-"""What the commands that use a bench share: finding its file, its calibration, and a safe way out."""
+"""What the commands that use a bench share: finding its file and its calibration."""
 
-import contextlib
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from types import FrameType
 
 from app.calibration.record import CalibrationRecord
-from app.calibration.store import CalibrationStore
-from app.cli.calibrate import STORE
+from app.calibration.store import STORE, CalibrationStore
 from app.devices.bench import Bench
 from app.devices.bench_file import SIMULATED, BenchDescription, read_bench_file, simulated_description
 from app.errors import BenchFileError, CalibrationFileError
@@ -56,22 +50,3 @@ def calibration_for(bench: Bench, file: Path | None) -> CalibrationRecord | None
         return CalibrationStore(STORE).newest()
     except CalibrationFileError:
         return None
-
-
-@contextmanager
-def orderly() -> Iterator[None]:
-    """Every request to end is a KeyboardInterrupt, once; the way out itself is not interrupted."""
-    is_ending = False
-
-    def end(number: int, frame: FrameType | None) -> None:
-        nonlocal is_ending
-        if not is_ending:
-            is_ending = True
-            raise KeyboardInterrupt
-
-    names = [name for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
-    with contextlib.ExitStack() as stack:
-        for name in names:
-            number = getattr(signal, name)
-            stack.callback(signal.signal, number, signal.signal(number, end))
-        yield

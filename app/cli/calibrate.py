@@ -11,15 +11,13 @@ from app.calibration.calibrate import calibrate
 from app.calibration.camera_file import load_camera
 from app.calibration.plan import CalibrationPlan
 from app.calibration.report import check_report_name, report_lines, write_report
-from app.calibration.store import CalibrationStore
+from app.calibration.store import STORE, CalibrationStore
 from app.cli.console import check_output, progress_bar, say, warn
 from app.cli.table_height import with_table
 from app.errors import OptionError
 from app.recording.reader import Recording
 from app.vision.stripe import STRIPE_DETECTORS
 
-STORE = Path("calibration_store")
-"""Where calibrations are kept, in the folder that the command runs in."""
 _DOUBTFUL = 1
 
 

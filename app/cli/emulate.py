@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from app.cli.bench import orderly
 from app.cli.console import say
+from app.cli.orderly import orderly
 from app.errors import OutputError
 from app.simulation.clock import Clock
 from app.simulation.firmware.kernel import FIRMWARES

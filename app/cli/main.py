@@ -1,20 +1,26 @@
 """`turnscan`: all commands, and the one place where an error becomes a sentence and an exit code."""
 
 import sys
+from collections.abc import Iterable
+from importlib import import_module
 
 import typer
 
-from app.cli.board import board_command, platter_command
-from app.cli.calibrate import calibrate_command
 from app.cli.console import console
-from app.cli.demo import demo_command
-from app.cli.emulate import emulate_command
-from app.cli.import_pictures import import_command
-from app.cli.reconstruct import reconstruct_command
-from app.cli.scan import scan_command
-from app.cli.simulate import simulate_command
 from app.errors import ScannerError
 
+# Imported when they are run: many need libraries that take a second to load.
+_COMMANDS = {
+    "import": "app.cli.import_pictures:import_command",
+    "board": "app.cli.board:board_command",
+    "platter": "app.cli.board:platter_command",
+    "calibrate": "app.cli.calibrate:calibrate_command",
+    "scan": "app.cli.scan:scan_command",
+    "reconstruct": "app.cli.reconstruct:reconstruct_command",
+    "simulate": "app.cli.simulate:simulate_command",
+    "emulate": "app.cli.emulate:emulate_command",
+    "demo": "app.cli.demo:demo_command",
+}
 _INTERRUPTED = _USAGE = 2
 # Typer catches the interrupt itself and returns this.
 _TYPER_INTERRUPTED = 130
@@ -22,23 +28,6 @@ _TYPER_INTERRUPTED = 130
 _UsageError: type[Exception] = next(
     kind for kind in typer.BadParameter.__mro__ if kind.__name__ == "ClickException"
 )
-
-app = typer.Typer(
-    name="turnscan",
-    help="A line laser, a camera and a turntable become a 3D scanner.",
-    no_args_is_help=True,
-    rich_markup_mode="rich",
-    pretty_exceptions_enable=False,
-)
-app.command("import")(import_command)
-app.command("board")(board_command)
-app.command("platter")(platter_command)
-app.command("calibrate")(calibrate_command)
-app.command("reconstruct")(reconstruct_command)
-app.command("scan")(scan_command)
-app.command("simulate")(simulate_command)
-app.command("emulate")(emulate_command)
-app.command("demo")(demo_command)
 
 
 def main() -> None:
@@ -49,7 +38,8 @@ def main() -> None:
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit code."""
     try:
-        code = app(arguments, prog_name="turnscan", standalone_mode=False)
+        wanted = arguments[:1] if arguments and arguments[0] in _COMMANDS else _COMMANDS
+        code = _application(wanted)(arguments, prog_name="turnscan", standalone_mode=False)
     except ScannerError as error:
         console.print(f"[bold red]Error:[/] {_plain(error.message)}", soft_wrap=True)
         if error.hint:
@@ -59,7 +49,7 @@ def run(arguments: list[str]) -> int:
         if not str(error):
             # The help has been shown in place of an error.
             return 0
-        console.print(f"[bold red]Error:[/] {_plain(str(error))}.", soft_wrap=True)
+        console.print(f"[bold red]Error:[/] {_plain(str(error).rstrip('.'))}.", soft_wrap=True)
         console.print("See `turnscan --help`, or --help of the command.", soft_wrap=True)
         return _USAGE
     except (KeyboardInterrupt, typer.Abort):
@@ -71,6 +61,26 @@ def run(arguments: list[str]) -> int:
         )
         return _INTERRUPTED
     return code if isinstance(code, int) else 0
+
+
+def _application(commands: Iterable[str]) -> typer.Typer:
+    """The command line with these commands."""
+    application = typer.Typer(
+        name="turnscan",
+        help="A line laser, a camera and a turntable become a 3D scanner.",
+        no_args_is_help=True,
+        rich_markup_mode="rich",
+        pretty_exceptions_enable=False,
+    )
+
+    @application.callback()
+    def keep_names() -> None:
+        """Without this, a single command would lose its name."""
+
+    for name in commands:
+        module, function = _COMMANDS[name].split(":")
+        application.command(name)(getattr(import_module(module), function))
+    return application
 
 
 def _plain(text: str) -> str:

@@ -8,8 +8,7 @@ import typer
 
 from app.calibration.platter_file import layout_of
 from app.calibration.record import CalibrationRecord
-from app.calibration.store import CalibrationStore
-from app.cli.calibrate import STORE
+from app.calibration.store import STORE, CalibrationStore
 from app.cli.console import check_output, progress_bar, say, warn
 from app.cli.reconstruction_lines import reconstruction_lines
 from app.errors import OptionError

@@ -10,8 +10,9 @@ from typing import Annotated
 import typer
 
 from app.calibration.record import CalibrationRecord
-from app.cli.bench import bench_description, calibration_for, orderly
+from app.cli.bench import bench_description, calibration_for
 from app.cli.console import ShowProgress, check_output, console, progress_bar, say, warn
+from app.cli.orderly import orderly
 from app.cli.reconstruct import reconstruct_command
 from app.devices.bench import Bench
 from app.errors import OptionError

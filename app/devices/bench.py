@@ -19,7 +19,7 @@ from app.devices.frame import Use
 from app.devices.turntable import TURNTABLES, Turntable
 from app.devices.watchdog import Watchdog
 from app.documents import Json
-from app.errors import BenchBusy, BenchFileError, DeviceError, OptionError, PositionUnknown
+from app.errors import BenchBusy, BenchFileError, DeviceError, DeviceLost, OptionError, PositionUnknown
 from app.simulation.world import SimulatedWorld, WorldPlan
 
 _LEASE_WAIT_S = 5.0
@@ -80,6 +80,7 @@ class Bench:
         self._holder = ""
         self._lit: dict[str, None] = {}
         self._problems: dict[str, str] = {}
+        self._where: PositionUnknown | None = None
 
     @classmethod
     def build(cls, description: BenchDescription) -> Self:
@@ -90,14 +91,18 @@ class Bench:
         """
         folder, world = None, None
         if description.is_simulated:
+            plan = world_plan(description)
             folder = tempfile.TemporaryDirectory(prefix="turnscan-", ignore_cleanup_errors=True)
-            world = SimulatedWorld(world_plan(description), Path(folder.name))
         try:
+            if folder is not None:
+                world = SimulatedWorld(plan, Path(folder.name))
             turntable = _made(TURNTABLES, description.turntable.driver, description.turntable.options, world)
             driver = _made(CAMERAS, description.camera.driver, description.camera.options, world)
         except BaseException:
             if world is not None:
                 world.close()
+            if folder is not None:
+                folder.cleanup()
             raise
         camera = _camera(driver, description.camera)
         return cls(description, turntable, camera, world=world, folder=folder)
@@ -120,20 +125,35 @@ class Bench:
             raise min(errors, key=lambda error: isinstance(error, PositionUnknown))
 
     def connect_turntable(self) -> None:
-        """Connect the board; all lasers are off afterwards. Raises as `Turntable.connect`."""
-        self._problems.pop("turntable", None)
+        """Connect the board; all lasers are off afterwards.
+
+        Raises:
+            PositionUnknown: until `zero` says where the table stands.
+            DeviceError: as `Turntable.connect`.
+        """
         self._lit.clear()
         try:
             self.turntable.connect()
+        except PositionUnknown as error:
+            self._where = error
         finally:
             if self.turntable.is_connected:
                 self._watchdog.guard(self.turntable.farewell)
+        self._problems.pop("turntable", None)
+        if self._where is not None:
+            raise self._where
 
     def connect_camera(self) -> None:
-        """Connect the camera. Raises as `Camera.connect`."""
+        """Connect the camera.
+
+        Raises:
+            DeviceError: as `Camera.connect`; or it is away, and its own thread has not got it back yet.
+        """
+        self.camera.connect()
+        state = self.camera.state
+        if not state.is_connected:
+            raise DeviceLost(self.camera.name, state.last_error or "has gone")
         self._problems.pop("camera", None)
-        if not self.camera.state.is_connected:
-            self.camera.connect()
 
     def disconnect(self) -> None:
         """Make everything safe and let go of it. Never fails."""
@@ -206,6 +226,16 @@ class Bench:
             for name in names:
                 stack.callback(self.switch, name, False)
 
+    @property
+    def is_placed(self) -> bool:
+        """Whether it is known where the table stands."""
+        return self._where is None
+
+    def zero(self, angle_deg: float) -> None:
+        """The place where the table stands is called by this angle from now on."""
+        self.turntable.zero(angle_deg)
+        self._where = None
+
     def make_safe(self) -> None:
         """Table stopped, lasers off, motor let go; from any thread, in any state.
 
@@ -231,12 +261,11 @@ class Bench:
             DeviceError: what was wrong at the last try.
         """
         ends, told, pause_s = time.monotonic() + timeout_s, "", 0.1
-        unknown: PositionUnknown | None = None
         while True:
             try:
                 self.connect()
-            except PositionUnknown as error:
-                unknown = error
+            except PositionUnknown:
+                raise
             except DeviceError as error:
                 if error.message != told and on_wait is not None:
                     on_wait(error.message)
@@ -245,10 +274,8 @@ class Bench:
                     raise
                 time.sleep(pause_s)
                 pause_s = min(1.0, 1.5 * pause_s)
-                continue
-            if unknown is not None:
-                raise unknown
-            return
+            else:
+                return
 
     def restore(self, angle_deg: float) -> None:
         """A simulated world begins with its table at 0; let it stand where an earlier one left it."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from app.devices.bench import Bench
-from app.errors import DeviceError, MoveStopped, PositionUnknown
+from app.errors import DeviceError, DeviceRefused, MoveStopped, PositionUnknown
 from app.recording.manifest import FrameEntry
 from app.recording.reader import Recording
 from app.scanning.plan import Look
@@ -95,14 +95,14 @@ def place_table(
     table = session.table
     with bench.lease("a scan"):
         if table.moving_to_deg is None or table.moving_to_deg == table.angle_deg:
-            bench.turntable.zero(table.angle_deg)
+            bench.zero(table.angle_deg)
             return
         low, high = sorted((table.angle_deg, table.moving_to_deg))
         found = _looked(bench, recovery, low, high)
         if found is None and not takes_target:
             raise PositionUnknown(bench.description.turntable.driver, low, high)
         at_deg = table.moving_to_deg if found is None else found
-        bench.turntable.zero(at_deg)
+        bench.zero(at_deg)
         session.standing(at_deg)
 
 
@@ -113,7 +113,7 @@ def _take_all(bench: Bench, session: ScanSession, watch: Watch, recovery: Recove
             for taken in _shots(bench, session):
                 watch.taken(taken, session.record(taken))
             return
-        except MoveStopped:
+        except (MoveStopped, DeviceRefused):
             raise
         except DeviceError as error:
             failures = failures + 1 if session.shots == shots_before else 1
@@ -153,7 +153,7 @@ def _recover(bench: Bench, session: ScanSession, watch: Watch, recovery: Recover
         found = _looked(bench, recovery, error.lowest_deg, error.highest_deg)
         if found is None:
             raise
-        bench.turntable.zero(found)
+        bench.zero(found)
     session.standing(bench.turntable.angle_deg)
 
 
@@ -167,5 +167,5 @@ def _make_safe(bench: Bench, session: ScanSession) -> None:
         bench.make_safe()
     except DeviceError:
         return
-    if bench.turntable.is_connected:
+    if bench.turntable.is_connected and bench.is_placed:
         session.standing(bench.turntable.angle_deg)

@@ -12,7 +12,7 @@ from app.scanning.plan import Look, ScanPlan
 from app.scanning.steady_angle import SteadyAngle, follow
 
 # A laser may stay lit no longer than this for a picture that does not come.
-_PICTURE_S = 0.9
+_PICTURE_S = 0.6
 _PICTURE_PERIODS = 8.0
 _DEVELOPERS = 2
 
