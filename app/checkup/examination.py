@@ -1,0 +1,108 @@
+"""What the checks share: the bench, and pictures of it that are taken once."""
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from app.calibration.record import CalibrationRecord
+from app.checkup.target import Corners, Target, targets_of
+from app.devices.bench import Bench
+from app.devices.bench_file import LaserEntry
+from app.devices.frame import Frame, Use
+from app.scanning.sources import scan_detector
+from app.vision.stripe import Image, LaserStripe, LaserView
+
+_PICTURE_S = 5.0
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class LaserLook:
+    """One laser, switched on alone.
+
+    Attributes:
+        entry: of the bench file.
+        dark: picture before, all lasers off.
+        lit: with this one on.
+        after: all off again.
+        stripe: its light, as the scan's detector finds it.
+    """
+
+    entry: LaserEntry
+    dark: Image
+    lit: Image
+    after: Image
+    stripe: LaserStripe
+
+    @property
+    def share(self) -> float:
+        """Of the picture's rows, those that show the stripe."""
+        return len(self.stripe) / len(self.lit)
+
+
+@dataclass(eq=False, slots=True)
+class Examination:
+    """A bench that is being looked at; the caller holds its lease.
+
+    Attributes:
+        bench: connected as far as it can be.
+        folder: where scans would go.
+        calibration: of the bench, where there is one.
+    """
+
+    bench: Bench
+    folder: Path
+    calibration: CalibrationRecord | None = None
+    _looks: tuple[LaserLook, ...] | None = field(default=None, init=False)
+    _room: Frame | None = field(default=None, init=False)
+
+    def picture(self, use: Use) -> Frame:
+        """A fresh one, exposed for a use."""
+        self.bench.camera.prepare(use)
+        return self.bench.camera.fresh_frame(timeout_s=_PICTURE_S)
+
+    @property
+    def room(self) -> Frame:
+        """The scene by the light of the room, lasers off."""
+        if self._room is None:
+            self._room = self.picture(Use.TEXTURE)
+        return self._room
+
+    @property
+    def looks(self) -> tuple[LaserLook, ...]:
+        """Every laser of the bench file that the board has an output for, lit alone."""
+        if self._looks is None:
+            channels = self.bench.turntable.facts.laser_channels
+            self._looks = tuple(
+                self.look_at(name) for name, entry in self.bench.lasers.items() if entry.channel in channels
+            )
+        return self._looks
+
+    def look_at(self, laser: str) -> LaserLook:
+        """Switch one laser on and off, with a picture before, meanwhile and after."""
+        entry = self.bench.lasers[laser]
+        dark = self.picture(Use.LASER).image()
+        with self.bench.lit(laser):
+            lit = self.picture(Use.LASER).image()
+        after = self.picture(Use.LASER).image()
+        return LaserLook(entry, dark, lit, after, stripe_of(lit, dark, entry))
+
+    def settle(self) -> None:
+        """Let the table come to rest."""
+        time.sleep(self.bench.description.turntable.settle_s)
+
+    def target(self) -> tuple[Target, Corners] | None:
+        """What on the table can be followed, and where it is seen now; None for nothing."""
+        image = self.picture(Use.BOARD).image(grey=True)
+        for target in targets_of(self.bench.description):
+            corners = target.find(image)
+            if corners:
+                return target, corners
+        return None
+
+
+def stripe_of(lit: Image, dark: Image | None, entry: LaserEntry) -> LaserStripe:
+    """The stripe in a picture, one point for each row."""
+    stripe = scan_detector().detect(LaserView(lit, dark, entry.colour))
+    return stripe.select(np.flatnonzero(np.isfinite(stripe.pixels).all(axis=1)))
