@@ -21,7 +21,7 @@ try:
 except ImportError:
     _TerminalError = OSError  # type: ignore[assignment, misc]
 # What pyserial lets through when a port goes away under it.
-_GONE = (serial.SerialException, OSError, _TerminalError)
+GONE = (serial.SerialException, OSError, _TerminalError)
 
 
 class SerialLink:
@@ -68,7 +68,7 @@ class SerialLink:
                 resolve_port(self.port), self.baud, timeout=_POLL_S, write_timeout=_WRITE_TIMEOUT_S,
                 stopbits=self._stop_bits, **({} if "://" in self.port else {"exclusive": True}),  # type: ignore[arg-type]
             )  # fmt: skip
-        except (*_GONE, ValueError) as error:
+        except (*GONE, ValueError) as error:
             raise open_error(self.port, self.device, error) from error
         self._lost = None
         self._buffer.clear()
@@ -79,9 +79,9 @@ class SerialLink:
         """Let go of the port; never fails."""
         port, self._serial = self._serial, None
         if port is not None:
-            with contextlib.suppress(*_GONE):
+            with contextlib.suppress(*GONE):
                 port.cancel_read()
-            with contextlib.suppress(*_GONE):
+            with contextlib.suppress(*GONE):
                 port.close()
         if self._reader is not None and self._reader is not threading.current_thread():
             self._reader.join(timeout=2.0)
@@ -122,7 +122,7 @@ class SerialLink:
             raise self._gone()
         try:
             port.write(data)
-        except _GONE as error:
+        except GONE as error:
             self._mark_lost(str(error))
             raise self._gone() from error
         if self.transcript is not None:
@@ -182,7 +182,7 @@ class SerialLink:
         while port is not None and port is self._serial:
             try:
                 data = port.read(max(1, port.in_waiting))
-            except (*_GONE, TypeError, ValueError) as error:
+            except (*GONE, TypeError, ValueError) as error:
                 # pyserial fails with the latter two when the port is closed while it reads.
                 if port is self._serial:
                     self._mark_lost(str(error))
@@ -221,7 +221,7 @@ def open_error(port: str, device: str, error: BaseException) -> DeviceError:
         return DeviceDenied(device, f"this user may not open {port}", join_group(port))
     if number in (11, 16) or "Could not exclusively lock" in text or "busy" in text.lower():
         return DeviceDenied(device, f"another program uses {port}")
-    if isinstance(error, ValueError) or "not a tty" in text.lower() or number in (25, 22):
+    if isinstance(error, ValueError) or "ioctl" in text or "not a tty" in text.lower() or number in (25, 22):
         return DeviceError(
             device, f"{port} is not a serial port", "Name a port that `turnscan devices` lists."
         )
