@@ -5,6 +5,8 @@ import re
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import replace
 from enum import StrEnum
+from types import MappingProxyType
+from typing import ClassVar
 
 from app.simulation.firmware.gcode import GcodeError, Line, Modal, understand
 from app.simulation.firmware.grbl_settings import GrblSettings, SettingError
@@ -47,11 +49,15 @@ class Grbl(Firmware):
         planner: the queue of moves.
     """
 
+    driver = "grbl"
+    driver_options = MappingProxyType[str, object](
+        {"steps_per_deg": 80.0 / 9.0, "speed_deg_s": 90.0, "acceleration_deg_s2": 180.0}
+    )
     axes = "XYZ"
     blocks = 15
     banner = "\r\nGrbl 1.1h ['$' for help]\r\n"
     slowest_steps_s = _SLOWEST_STEPS_S
-    extra_words: dict[str, frozenset[float]] = {}  # noqa: RUF012 (never written to)
+    extra_words: ClassVar[dict[str, frozenset[float]]] = {}
 
     def __init__(self, plant: Plant, *, table_axis: str = "X", is_blank: bool = False) -> None:
         super().__init__(plant)

@@ -1,6 +1,7 @@
 """grblHAL: Grbl's successor for larger chips, with a longer queue and an error that stays."""
 
 from collections.abc import Generator
+from typing import ClassVar
 
 from app.simulation.firmware.dialects.grbl import Grbl
 from app.simulation.firmware.kernel import FIRMWARES
@@ -21,7 +22,7 @@ class GrblHal(Grbl):
     boot_s = 0.2
     slowest_steps_s = 0.0
     # They save and restore the modal state, which nothing here needs.
-    extra_words = {"M": frozenset({70.0, 71.0, 72.0, 73.0})}  # noqa: RUF012 (never written to)
+    extra_words: ClassVar[dict[str, frozenset[float]]] = {"M": frozenset({70.0, 71.0, 72.0, 73.0})}
     latched = 0
     _was_return = False
 
