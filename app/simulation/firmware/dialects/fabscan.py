@@ -1,8 +1,9 @@
 """The FabScanPi firmware: echoes every byte, answers with a prompt, and moves while it listens to nothing."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import pairwise
+from types import MappingProxyType
 
 from app.simulation.firmware.kernel import FIRMWARES, Firmware
 from app.simulation.firmware.motion import Motion, ramped_move, steady_turn
@@ -48,6 +49,9 @@ class FabScan(Firmware):
 
     buffer_size = 64
     steps_per_turn = 3200.0
+    outputs = (LEFT, RIGHT)
+    channels = (1, 0)
+    driver_options: Mapping[str, object] = MappingProxyType({"baud": 14400})
 
     def __init__(
         self,
