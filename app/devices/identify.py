@@ -206,20 +206,20 @@ def _horus(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
     version = match[1].decode()
     if status is None:
         note = "It has the banner of Horus and answers less: it turns by whole degrees and has two lasers."
-        return Identity("horus", f"Horus {version}, look-alike", ear.baud, (note,))
-    return Identity("horus", f"Horus {version}", ear.baud, _lock_note(heard, status[1]))
+        return _board("horus", f"Horus {version}, look-alike", ear, (note,))
+    return _board("horus", f"Horus {version}", ear, _lock_note(heard, status[1]))
 
 
 def _horus_awake(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
     told = ear.ask(b"$I\n", rb"\[([\d.]+):", _TEXT_S)
     version = f" {told[1].decode()}" if told else ""
-    return Identity("horus", f"Horus{version}", ear.baud, _lock_note(heard, match[1]))
+    return _board("horus", f"Horus{version}", ear, _lock_note(heard, match[1]))
 
 
 def _grbl(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
     name, version = match[1].decode(), match[2].decode()
     heard += ear.listen(_LOCK_LINE_S, lambda more, _: b"\n" in more)
-    return Identity("grbl", f"{name} {version}", ear.baud, _lock_note(heard, b""))
+    return _board("grbl", f"{name} {version}", ear, _lock_note(heard, b""))
 
 
 def _grbl_awake(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
@@ -227,7 +227,7 @@ def _grbl_awake(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
     version = re.search(rb"\[VER:([\w.]+)", told)
     name = "GrblHAL" if b"GrblHAL" in told or b"grblHAL" in told or b"NEWOPT" in told else "Grbl"
     firmware = f"{name} {version[1].decode()}" if version else name
-    return Identity("grbl", firmware, ear.baud, _lock_note(heard, match[1]))
+    return _board("grbl", firmware, ear, _lock_note(heard, match[1]))
 
 
 def _marlin(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
@@ -236,18 +236,18 @@ def _marlin(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
     named = _MARLIN.search(heard)
     if named is None:
         return _marlin_awake(ear, heard, match)
-    return Identity("marlin", f"Marlin {named[1].decode()}", ear.baud, options=_marlin_options(ear.baud))
+    return _board("marlin", f"Marlin {named[1].decode()}", ear)
 
 
 def _marlin_awake(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
     told = ear.ask(b"M115\n", rb"FIRMWARE_NAME:\s*([^\r\n]*?)(?:\s*\(|\s+[A-Z_]+:|\r|\n)", _TEXT_S)
     firmware = told[1].decode("ascii", "replace") if told else "Marlin or a relative of it"
-    return Identity("marlin", firmware, ear.baud, options=_marlin_options(ear.baud))
+    return _board("marlin", firmware, ear)
 
 
 def _sardauscan(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
     version = f" {match[1].decode()}" if match.groups() else ""
-    return Identity("sardauscan", f"Sardauscan{version}", ear.baud)
+    return _board("sardauscan", f"Sardauscan{version}", ear, tells_baud=False)
 
 
 def _fabscan(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
@@ -262,7 +262,7 @@ def _fabscan(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
 
 def _first_fabscan(ear: _Ear) -> Identity:
     note = "Its laser is on after every start; the driver puts it off."
-    return Identity("fabscan100", "FabScan100", ear.baud, (note,))
+    return _board("fabscan100", "FabScan100", ear, (note,), tells_baud=False)
 
 
 def _silent() -> Identity:
@@ -282,8 +282,12 @@ def _stranger(heard: bytes, baud: int) -> Identity:
     return Identity("", f"unknown; it says {said!r}", baud, ('If it is a board, use the driver "template".',))
 
 
-def _marlin_options(baud: int) -> dict[str, object]:
-    return {} if baud == _BAUD else {"baud": baud}
+def _board(
+    driver: str, firmware: str, ear: _Ear, notes: tuple[str, ...] = (), *, tells_baud: bool = True
+) -> Identity:
+    """A board; drivers that find the rate themselves, or have only one, are not told it."""
+    options = {"baud": ear.baud} if tells_baud and ear.baud != _BAUD else {}
+    return Identity(driver, firmware, ear.baud, notes, options)
 
 
 def _lock_note(heard: bytes, state: bytes) -> tuple[str, ...]:

@@ -109,7 +109,7 @@ def join_group(path: str | Path) -> str:
 
 
 def _may_have_board(port: PortFacts, root: Path) -> bool:
-    if any(name in port.device for name in _NO_BOARD):
+    if any(name in port.device for name in _NO_BOARD) or Path(port.device).name in _consoles(root):
         return False
     if port.vid is not None or not Path(port.device).name.startswith("ttyS"):
         return True
@@ -118,6 +118,14 @@ def _may_have_board(port: PortFacts, root: Path) -> bool:
         return (root / "sys/class/tty" / Path(port.device).name / "type").read_text().strip() != "0"
     except OSError:
         return False
+
+
+def _consoles(root: Path) -> list[str]:
+    """Ports on which the system itself speaks."""
+    try:
+        return (root / "sys/class/tty/console/active").read_text().split()
+    except OSError:
+        return []
 
 
 def _links(folder: Path) -> dict[str, str]:

@@ -12,7 +12,8 @@ from app.devices.turntables.fabscan100 import FabScan100
 from app.errors import DeviceRefused, DeviceUnrecognised, MoveStopped, PositionUnknown
 from app.simulation.clock import Clock
 from app.simulation.firmware.dialects import fabscan100
-from app.simulation.firmware.kernel import FIRMWARES, Firmware
+from app.simulation.firmware.dialects.sardauscan import Sardauscan
+from app.simulation.firmware.kernel import Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
 from tests.devices.turntable_contract import TurntableContract, plant_state, wait_until
@@ -133,7 +134,7 @@ def test_the_farewell_puts_out_the_laser_that_opening_the_port_lights(tmp_path: 
 
 
 def test_another_board_gets_no_byte(tmp_path: Path) -> None:
-    firmware = FIRMWARES.make("sardauscan", plant=Plant(Wiring(4072.0)))
+    firmware = Sardauscan(Plant(Wiring(4072.0)))
     with EmulatedPort(firmware, tmp_path / "p", Clock(10.0)) as emulator:
         table = FabScan100(str(emulator.link))
         with pytest.raises(DeviceUnrecognised, match="no FabScan100"):

@@ -77,7 +77,9 @@ def test_a_remembered_name_is_found_under_another_node() -> None:
 
 
 def test_ports_without_hardware_are_left_out(root: Path) -> None:
-    for name, kind in (("ttyS0", "4"), ("ttyS1", "0")):
+    (root / "sys/class/tty/console").mkdir()
+    (root / "sys/class/tty/console/active").write_text("tty0 ttyS3\n")
+    for name, kind in (("ttyS0", "4"), ("ttyS1", "0"), ("ttyS3", "4")):
         node(root, name)
         folder = root / "sys/class/tty" / name
         folder.mkdir()
@@ -86,6 +88,7 @@ def test_ports_without_hardware_are_left_out(root: Path) -> None:
         Listed("/dev/ttyS0"),
         Listed("/dev/ttyS1"),
         Listed("/dev/ttyS2"),
+        Listed("/dev/ttyS3"),
         Listed("/dev/cu.Bluetooth-Incoming-Port"),
         Listed("/dev/ttyAMA0"),
         Listed("/dev/rfcomm0"),

@@ -10,7 +10,8 @@ from app.devices.turntables.sardauscan import Sardauscan, piece_s
 from app.errors import DeviceError, DeviceRefused, DeviceUnrecognised, PositionUnknown
 from app.simulation.clock import Clock
 from app.simulation.firmware.dialects import sardauscan
-from app.simulation.firmware.kernel import FIRMWARES, Firmware
+from app.simulation.firmware.dialects.fabscan100 import FabScan100
+from app.simulation.firmware.kernel import Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
 from tests.devices.turntable_contract import TurntableContract, plant_state, wait_until
@@ -105,7 +106,7 @@ class TestSardauscan(TurntableContract):
         assert table.move_to(5.0) == pytest.approx(5.0, abs=0.2)
 
     def test_another_board_is_named(self, tmp_path: Path) -> None:
-        firmware = FIRMWARES.make("fabscan100", plant=Plant(Wiring(3200.0)))
+        firmware = FabScan100(Plant(Wiring(3200.0)))
         with EmulatedPort(firmware, tmp_path / "p", Clock(10.0)) as emulator:
             table = Sardauscan(str(emulator.link))
             with pytest.raises(DeviceUnrecognised):
