@@ -56,11 +56,14 @@ class HorusSettings:
 
     Args:
         is_blank: as on a board that was never started with this firmware.
+
+    Attributes:
+        eeprom: where they are kept.
     """
 
     def __init__(self, *, is_blank: bool = False) -> None:
         self._values = {number: float(setting.default) for number, setting in _SETTINGS.items()}
-        self._eeprom = Eeprom()
+        self.eeprom = Eeprom()
         if not is_blank:
             self.restore()
 
@@ -69,12 +72,12 @@ class HorusSettings:
 
     @property
     def is_blank(self) -> bool:
-        return self._eeprom.read(0, 1) != bytes([_VERSION])
+        return self.eeprom.read(0, 1) != bytes([_VERSION])
 
     def restore(self) -> float:
         """Write all of it for the first time; the seconds that takes."""
-        taken = self._eeprom.write(0, bytes([_VERSION]) + self._packed())
-        return taken + self._eeprom.write(_COORDINATES_AT, bytes(13 * _COORDINATES))
+        taken = self.eeprom.write(0, bytes([_VERSION]) + self._packed())
+        return taken + self.eeprom.write(_COORDINATES_AT, bytes(13 * _COORDINATES))
 
     def store(self, number: int, value: float) -> float | str:
         """Change one setting; the seconds its writing takes, or the words of an error."""
@@ -92,7 +95,7 @@ class HorusSettings:
         elif form != "float":
             value = float(int(value) & 0xFF)
         self._values[number] = value
-        return self._eeprom.write(1, self._packed())
+        return self.eeprom.write(1, self._packed())
 
     def listing(self) -> str:
         """What `$$` prints."""

@@ -33,6 +33,7 @@ class Horus(Firmware):
         is_blank: with an EEPROM that this firmware has never written.
     """
 
+    driver = "horus"
     version = "0.2"
     commands: dict[str, tuple[int, ...]] | None = None
 

@@ -18,8 +18,9 @@ _NUMBER = re.compile(r"\s*([+-]?\d+)")
 
 
 class HorusClone(Firmware):
-    """Reads one line after the other, and nothing while it turns; `\\x18` changes neither lasers nor place."""
+    """Reads one line after the other, and nothing while it turns; `\\x18` keeps lasers and place."""
 
+    driver = "horus"
     buffer_size = 64
     steps_per_turn = float(_POSITIONS_PER_TURN * _STEPS_PER_POSITION)
 
