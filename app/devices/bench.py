@@ -231,6 +231,10 @@ class Bench:
         """Whether it is known where the table stands."""
         return self._where is None
 
+    def lose_place(self, error: PositionUnknown) -> None:
+        """Nobody knows where the table stands, until `zero` tells; connecting says so until then."""
+        self._where = error
+
     def zero(self, angle_deg: float) -> None:
         """The place where the table stands is called by this angle from now on."""
         self.turntable.zero(angle_deg)

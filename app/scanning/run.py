@@ -116,6 +116,8 @@ def _take_all(bench: Bench, session: ScanSession, watch: Watch, recovery: Recove
         except (MoveStopped, DeviceRefused):
             raise
         except DeviceError as error:
+            if isinstance(error, PositionUnknown):
+                bench.lose_place(error)
             failures = failures + 1 if session.shots == shots_before else 1
             shots_before = session.shots
             if failures > _TRIES_WITHOUT_A_PICTURE:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from app.devices.bench import Bench
 from app.devices.frame import Frame, Use
+from app.devices.frame_stream import FrameStream
 from app.errors import DeviceLost
 from app.scanning.pipeline import ordered_map
 from app.scanning.plan import Look, ScanPlan
@@ -116,18 +117,19 @@ def _one_turn(
             for frame, data in ordered_map(lambda frame: (frame, frame.encoded("jpeg")), wanted, _DEVELOPERS):
                 middle_s = _middle_s(frame)
                 yield Taken(data, frame, look, frame.index, angle.at(middle_s), middle_s)
-        if stream.lost:
-            raise DeviceLost(camera.name, f"{stream.lost} pictures came faster than they could be kept")
     table.finish_turning()
 
 
 def _between(
-    bench: Bench, stream: Iterator[Frame], angle: SteadyAngle, from_deg: float, ends_deg: float
+    bench: Bench, stream: FrameStream, angle: SteadyAngle, from_deg: float, ends_deg: float
 ) -> Iterator[Frame]:
     """The frames of a turn; `from_deg` itself is not wanted again where it was the last picture before."""
     for frame in stream:
         if not bench.turntable.is_connected:
             raise DeviceLost(bench.description.turntable.driver, "the board has gone in mid-turn")
+        if stream.lost:
+            # Ended here, the turn is taken up again at the last picture before the gap.
+            raise DeviceLost(bench.camera.name, "pictures came faster than they could be kept")
         at_deg = angle.at(_middle_s(frame))
         if at_deg >= ends_deg:
             return

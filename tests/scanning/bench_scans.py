@@ -91,6 +91,20 @@ class Watching:
         self.resumed += 1
 
 
+class Truth(Watching):
+    """Compares every picture's angle with where the table truly was."""
+
+    def __init__(self, bench: Bench) -> None:
+        super().__init__()
+        self.bench, self.errors_deg = bench, list[float]()
+
+    def taken(self, taken: Taken, entry: FrameEntry) -> None:
+        super().taken(taken, entry)
+        world = world_of(self.bench)
+        true = world.plant.at(world.clock.world_s(taken.time_s)).angle_deg
+        self.errors_deg.append(abs(true - taken.angle_deg))
+
+
 def later(delay_s: float, do: Callable[[], None]) -> threading.Timer:
     """Do something after a while, in a thread of its own."""
     timer = threading.Timer(delay_s, do)
