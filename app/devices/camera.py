@@ -18,7 +18,8 @@ from app.errors import DeviceError, DeviceLost, DeviceTimeout
 # A camera that has sent nothing new for so long, or for so many periods if those are longer, is frozen.
 _PATIENCE_S = 0.9
 _PATIENCE_PERIODS = 4.0
-# The first picture takes longer: the sensor starts, and automatics look for their values.
+# The first picture takes longer: the sensor starts, and automatics look for their values. So may the next, as
+# long as nobody knows the rate.
 _START_PATIENCE_S = 5.0
 # How long the thread waits at a time, so that `disconnect` need not wait long.
 _SLICE_S = 0.25
@@ -245,12 +246,12 @@ class Camera:
             raw = self.driver.grab(min(left_s, _SLICE_S))
         except DeviceTimeout:
             return
-        arrived_s = time.monotonic()
+        arrived_s = time.monotonic() if raw.arrived_s is None else raw.arrived_s
         with self._changed:
             frame = self._known.take(raw, arrived_s)
             if frame is None:
                 return
-            self._latest, self._new_s = frame, arrived_s
+            self._latest, self._new_s = frame, time.monotonic()
             for stream in self._streams:
                 stream.add(frame)
             self._changed.notify_all()
@@ -308,7 +309,7 @@ class Camera:
     def _patience_s(self) -> float:
         intake = self._known
         patience_s = max(_PATIENCE_S, _PATIENCE_PERIODS * intake.period_s + self._controls.exposure_s)
-        return patience_s if intake.has_begun else max(patience_s, _START_PATIENCE_S)
+        return patience_s if intake.is_paced else max(patience_s, _START_PATIENCE_S)
 
     def _check_connected(self) -> None:
         if self._thread is None or self._closing.is_set():

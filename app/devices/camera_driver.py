@@ -72,11 +72,13 @@ class RawFrame:
             one of these when somebody really looks at the picture.
         exposed_s: monotonic time at which its exposure began, where the camera tells; else None.
         exposure_us: how long it was exposed, where known.
+        arrived_s: monotonic time at which a driver that reads ahead got it; None where that is now.
     """
 
     data: Picture | Callable[[], Picture]
     exposed_s: float | None = None
     exposure_us: float | None = None
+    arrived_s: float | None = None
 
 
 class CameraDriver(Protocol):

@@ -51,6 +51,11 @@ class Intake:
         return self.damaged + self._rhythm.missing
 
     @property
+    def is_paced(self) -> bool:
+        """Whether it is known when the next picture is due."""
+        return self.has_begun and (self._rhythm.fps or self._facts.fps) > 0.0
+
+    @property
     def period_s(self) -> float:
         """From one picture to the next, as measured or as the camera says."""
         return 1.0 / (self._rhythm.fps or self._facts.fps or _FPS_UNKNOWN)

@@ -10,6 +10,7 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as FutureTimeout
+from dataclasses import replace
 from typing import Any, Generic, Protocol, TypeVar
 
 from app.devices.camera_driver import RawFrame
@@ -32,6 +33,10 @@ class BlockingSource(Protocol):
         Raises:
             DeviceError: no further one will come.
         """
+        ...
+
+    def interrupt(self) -> None:
+        """From another thread: a read that waits should give up, where that can be done."""
         ...
 
     def close(self) -> None: ...
@@ -58,15 +63,16 @@ class ReadingThread(Generic[S]):
         self._frames: deque[RawFrame] = deque(maxlen=_MOST)
         self._jobs: deque[tuple[Callable[[S], Any], Future[Any]]] = deque()
         self._changed = threading.Condition()
-        self._is_open = self._is_closing = False
+        self._source: S | None = None
+        self._is_closing = False
         self._error: DeviceError | None = None
         self._thread = threading.Thread(target=self._run, name=f"{device}-read", daemon=True)
         self._thread.start()
         with self._changed:
-            if not self._changed.wait_for(lambda: self._is_open or self._error is not None, timeout_s):
+            if not self._changed.wait_for(self._has_answer, timeout_s):
                 self._is_closing = True
                 raise DeviceTimeout(device, "open", timeout_s)
-            if not self._is_open and self._error is not None:
+            if self._source is None and self._error is not None:
                 raise self._error
 
     def grab(self, timeout_s: float) -> RawFrame:
@@ -103,7 +109,12 @@ class ReadingThread(Generic[S]):
             self._is_closing = True
             self._frames.clear()
             self._changed.notify_all()
+            if self._source is not None:
+                self._source.interrupt()
         self._thread.join(_CLOSE_S)
+
+    def _has_answer(self) -> bool:
+        return self._source is not None or self._error is not None
 
     def _run(self) -> None:
         try:
@@ -116,14 +127,14 @@ class ReadingThread(Generic[S]):
             return
         try:
             with self._changed:
-                self._is_open = True
+                self._source = source
                 self._changed.notify_all()
             while not self._is_closing:
                 self._do_jobs(source)
                 frame = source.read()
                 if frame is not None:
                     with self._changed:
-                        self._frames.append(frame)
+                        self._frames.append(replace(frame, arrived_s=time.monotonic()))
                         self._changed.notify_all()
             self._end(DeviceLost(self._device, "has been let go"))
         except DeviceError as error:
@@ -131,6 +142,8 @@ class ReadingThread(Generic[S]):
         except Exception as error:  # noqa: BLE001 (edge of a thread)
             self._end(DeviceLost(self._device, f"its driver failed ({error!r})"))
         finally:
+            with self._changed:
+                self._source = None
             source.close()
 
     def _do_jobs(self, source: S) -> None:

@@ -243,6 +243,9 @@ class _Webcam:
             return RawFrame(np.asarray(picture, np.uint8), exposed_s, exposure_us)
         return RawFrame(_jpeg_of(picture) or _bytes_of(picture), exposed_s, exposure_us)
 
+    def interrupt(self) -> None:
+        """OpenCV cannot be interrupted."""
+
     def close(self) -> None:
         self.capture.release()
 
