@@ -1,5 +1,6 @@
 """The picture's planes, before lasers and noise."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -7,7 +8,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from app.geometry.arrays import Floats
 from app.geometry.camera import CameraIntrinsics, RayTable
 from app.simulation.scene import Lighting
 
@@ -18,16 +18,20 @@ Box = tuple[int, int, int, int]
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Layers:
-    """What has been drawn so far.
+    """What has been drawn so far, in a part of the picture.
 
     Attributes:
-        depth: (H, W) mm along z, infinite where nothing is.
-        owner: (H, W) number of the triangle seen there, counted over all bodies; -1 for none.
-        normal: (H, W, 3) unit vectors out of the surface, camera frame.
-        albedo: (H, W, 3) blue, green, red, 0..1.
-        seen: (H, W, 3) grey levels in the room's light.
+        box: which part.
+        rays: (h, w, 2) of every pixel at z = 1, distortion taken out.
+        depth: (h, w) mm along z, infinite where nothing is.
+        owner: (h, w) number of the triangle seen there, counted over all bodies; -1 for none.
+        normal: (h, w, 3) unit vectors out of the surface, camera frame.
+        albedo: (h, w, 3) blue, green, red, 0..1.
+        seen: (h, w, 3) grey levels in the room's light.
     """
 
+    box: Box
+    rays: F32
     depth: F32
     owner: NDArray[np.int32]
     normal: F32
@@ -35,16 +39,47 @@ class Layers:
     seen: F32
 
     @classmethod
-    def blank(cls, width: int, height: int, backdrop: F32) -> "Layers":
+    def blank(cls, rays: F32, backdrop: F32) -> "Layers":
+        """A whole picture of nothing but the backdrop."""
+        height, width = rays.shape[:2]
         return cls(
+            (0, height, 0, width), rays,
             np.full((height, width), np.inf, np.float32), np.full((height, width), -1, np.int32),
-            np.zeros((height, width, 3), np.float32), np.zeros((height, width, 3), np.float32), backdrop,
+            np.zeros((height, width, 3), np.float32), np.zeros((height, width, 3), np.float32),
+            backdrop.copy(),
         )  # fmt: skip
 
-    def copy(self) -> "Layers":
+    def part(self, box: Box) -> "Layers":
+        """A copy of a part of a whole picture."""
+        where = area(box)
         return Layers(
-            self.depth.copy(), self.owner.copy(), self.normal.copy(), self.albedo.copy(), self.seen.copy()
-        )
+            box, self.rays[where].copy(), self.depth[where].copy(), self.owner[where].copy(),
+            self.normal[where].copy(), self.albedo[where].copy(), self.seen[where].copy(),
+        )  # fmt: skip
+
+
+def area(box: Box) -> tuple[slice, slice]:
+    """For indexing a whole picture."""
+    return slice(box[0], box[1]), slice(box[2], box[3])
+
+
+def grown(box: Box, by: int, size: tuple[int, int]) -> Box:
+    """The box with a margin, as far as the picture of that height and width goes; an empty one stays so."""
+    if box[0] >= box[1] or box[2] >= box[3]:
+        return 0, 0, 0, 0
+    return (
+        max(0, box[0] - by), min(size[0], box[1] + by),
+        max(0, box[2] - by), min(size[1], box[3] + by),
+    )  # fmt: skip
+
+
+def around(boxes: Sequence[Box]) -> Box:
+    """The smallest box about all that are not empty."""
+    held = [box for box in boxes if box[0] < box[1] and box[2] < box[3]]
+    if not held:
+        return 0, 0, 0, 0
+    top, bottom, left, right = zip(*held, strict=True)
+    return min(top), max(bottom), min(left), max(right)
 
 
 @lru_cache(maxsize=4)
@@ -52,17 +87,7 @@ def camera_rays(camera: CameraIntrinsics) -> F32:
     return RayTable.of(camera).rays
 
 
-def projected(camera: CameraIntrinsics, vertices: Floats) -> Floats:
-    """Pixels (V, 2); far outside the picture without distortion, which folds back there for some lenses."""
-    pixels = camera.project(vertices)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        flat = vertices[:, :2] / vertices[:, 2:]
-    m, (width, height) = camera.matrix, camera.size
-    straight = flat * [m[0, 0], m[1, 1]] + [m[0, 2], m[1, 2]]
-    is_far = (np.abs(straight - [width / 2.0, height / 2.0]) > [0.8 * width, 0.8 * height]).any(axis=1)
-    return np.where(is_far[:, None], straight, pixels)
-
-
+@lru_cache(maxsize=4)
 def backdrop(width: int, height: int, lighting: Lighting) -> F32:
     """A far wall out of focus: a soft gradient and some blurred things before it."""
     x, y = np.meshgrid(np.linspace(-1.0, 1.0, width), np.linspace(-1.0, 1.0, height))
@@ -76,9 +101,14 @@ def backdrop(width: int, height: int, lighting: Lighting) -> F32:
     return backdrop
 
 
+def blur_reach(sigma_px: float) -> int:
+    """How many pixels a point spreads."""
+    return int(np.ceil(3.0 * sigma_px)) if sigma_px > 0.0 else 0
+
+
 def blurred(image: F32, sigma_px: float) -> F32:
-    if sigma_px <= 0.0:
+    if sigma_px <= 0.0 or image.size == 0:
         return image
-    size = 2 * int(np.ceil(3.0 * sigma_px)) + 1
+    size = 2 * blur_reach(sigma_px) + 1
     blurred = np.asarray(cv2.GaussianBlur(image, (size, size), sigma_px), np.float32)
     return blurred.reshape(image.shape)

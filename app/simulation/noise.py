@@ -12,6 +12,7 @@ from app.geometry.arrays import Floats
 from app.vision.stripe import Image
 
 _LEVELS = 65536
+_REPEATS = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +49,14 @@ def normal_levels() -> NDArray[np.float32]:
     """Quantiles of the standard normal distribution, one for each 16-bit number."""
     levels: NDArray[np.float32] = special.ndtri(_shares()).astype(np.float32)
     return levels
+
+
+@lru_cache(maxsize=1)
+def normal_numbers() -> NDArray[np.float32]:
+    """A million numbers of the standard normal distribution in random order, always the same ones."""
+    rng = np.random.default_rng(_LEVELS)
+    numbers: NDArray[np.float32] = rng.permutation(np.tile(normal_levels(), _REPEATS))
+    return numbers
 
 
 @lru_cache(maxsize=8)

@@ -1,13 +1,15 @@
 """Seeded pictures of the true world.
 
 Everything is triangles. A picture is drawn on the distorted rays of its pixels, so a pixel's depth is exact;
-a laser lights what lies near its sheet and is not in its shadow; the sensor adds its noise.
+a laser lights what lies near its sheet and is not in its shadow; the sensor adds its noise. Only the part of
+the picture that changes with the table is drawn anew.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,47 +17,76 @@ from app.errors import OptionError
 from app.geometry.arrays import Floats, unit
 from app.geometry.transform import RigidTransform, rotation_about
 from app.simulation import kernels
+from app.simulation.beam import TINTS, Beam, Glow
 from app.simulation.exposure import Exposure
-from app.simulation.layers import F32, Box, Layers, backdrop, blurred, camera_rays, projected
+from app.simulation.layers import (
+    F32,
+    Box,
+    Layers,
+    area,
+    around,
+    backdrop,
+    blur_reach,
+    blurred,
+    camera_rays,
+    grown,
+)
 from app.simulation.mesh import Mesh
-from app.simulation.noise import Noise, normal_levels, speckle_levels
+from app.simulation.noise import Noise, normal_numbers, speckle_levels
 from app.simulation.rig import Z_UP
-from app.simulation.scene import BUSY_BLOCK, Scene
-from app.simulation.sheet import FAN_BINS, Sheet
+from app.simulation.scene import COARSE_BLOCK, FINE_BLOCK, Scene
 from app.vision.stripe import Image
 
 _TEXTURE_SAMPLES = 5
-# How strongly blue, green and red pixels see each laser; the leak gives a bright stripe its white core.
-_TINTS = {
-    "red": (0.035, 0.075, 1.0),
-    "green": (0.10, 1.0, 0.07),
-    "blue": (1.0, 0.16, 0.03),
-    "any": (1.0, 1.0, 1.0),
-}
-# What a camera without colours sees of each.
+# What a camera without colours sees of each laser.
 _GREY_TINT = 0.8
 _LUMA = np.array([0.114, 0.587, 0.299], np.float32)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
 class View:
-    """What the camera sees at one angle of the table, before light and noise.
+    """What the camera sees at one angle of the table, before lasers and noise.
 
     Attributes:
-        depth: (H, W) mm along z, infinite where nothing is.
-        owner: (H, W) number of the triangle seen there, counted over all bodies; -1 for none.
-        normal: (H, W, 3) unit vectors out of the surface, camera frame.
-        albedo: (H, W, 3) blue, green, red, 0..1.
-        ambient: (H, W, C) grey levels in the room's light.
-        meshes: every body in the camera frame.
+        still: what never changes, over the whole picture.
+        still_ambient: (H, W, C) grey levels of it in the room's light.
+        part: a part of the picture as it is now.
+        box: a little less: where `part_ambient` is right.
+        part_ambient: (h, w, C) grey levels in the box.
+        meshes: every body that moves, camera frame.
     """
 
-    depth: F32
-    owner: NDArray[np.int32]
-    normal: F32
-    albedo: F32
-    ambient: F32
+    still: Layers
+    still_ambient: F32
+    part: Layers
+    box: Box
+    part_ambient: F32
     meshes: tuple[Mesh, ...]
+
+    @property
+    def depth(self) -> F32:
+        """(H, W) mm along z, infinite where nothing is."""
+        return _pasted(self.still.depth, self.part.box, self.part.depth)
+
+    @property
+    def owner(self) -> NDArray[np.int32]:
+        """(H, W) number of the triangle seen there, counted over all bodies; -1 for none."""
+        return _pasted(self.still.owner, self.part.box, self.part.owner)
+
+    @property
+    def normal(self) -> F32:
+        """(H, W, 3) unit vectors out of the surface, camera frame."""
+        return _pasted(self.still.normal, self.part.box, self.part.normal)
+
+    @property
+    def albedo(self) -> F32:
+        """(H, W, 3) blue, green, red, 0..1."""
+        return _pasted(self.still.albedo, self.part.box, self.part.albedo)
+
+    @property
+    def ambient(self) -> F32:
+        """(H, W, C) grey levels in the room's light."""
+        return _pasted(self.still_ambient, self.box, self.part_ambient)
 
 
 class Renderer:
@@ -69,16 +100,24 @@ class Renderer:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self._rays = camera_rays(scene.scanner.rig.camera)
-        height, width = self._rays.shape[:2]
-        faces = [len(body.mesh.faces) for body in scene.bodies]
-        self._first = np.cumsum([0, *faces])
-        self._static = Layers.blank(width, height, backdrop(width, height, scene.lighting))
-        self._fixed = {
-            n: self._draw(self._static, n, 0.0)
-            for n, body in enumerate(scene.bodies)
-            if body.is_round or not body.turns
-        }
+        rays = camera_rays(scene.scanner.rig.camera)
+        height, width = rays.shape[:2]
+        self._first = np.cumsum([0, *(len(body.mesh.faces) for body in scene.bodies)])
+        self._still = Layers.blank(rays, backdrop(width, height, scene.lighting))
+        numbers = range(len(scene.bodies))
+        self._moving = [n for n in numbers if scene.bodies[n].turns and not scene.bodies[n].is_round]
+        self._printed = {n: _printed_faces(scene.bodies[n].mesh) for n in numbers if scene.bodies[n].texture}
+        self._longest_mm = {n: _longest_edge_mm(scene.bodies[n].mesh) for n in self._moving}
+        still = [n for n in numbers if n not in self._moving]
+        self._fixed = {n: self._placed(n, 0.0) for n in still}
+        drawn = {n: self._draw(self._still, n, mesh) for n, mesh in self._fixed.items()}
+        for n in still:
+            self._print(self._still, n, drawn[n], 0.0)
+        self._shade(self._still)
+        self._still_ambient = self._blurred(self._still.seen)
+        # Round bodies whose print turns.
+        self._turning = {n: drawn[n] for n in still if scene.bodies[n].turns and scene.bodies[n].texture}
+        self._beams: dict[str, Beam] = {}
 
     def look(self, angle_rad: float, moved: Mapping[int, RigidTransform] | None = None) -> View:
         """The scene at a table angle.
@@ -87,44 +126,38 @@ class Renderer:
             angle_rad: counter-clockwise seen from above.
             moved: table from body at angle 0, instead of the scene's, for bodies that turn.
         """
-        layers = self._static.copy()
-        for number, drawn in self._fixed.items():
-            if self.scene.bodies[number].is_round:
-                self._colour(layers, number, drawn.box, self._place(number, angle_rad))
-        meshes = [
-            self._fixed[n].mesh if n in self._fixed else self._draw(layers, n, angle_rad, moved).mesh
-            for n in range(len(self.scene.bodies))
-        ]
-        ambient = layers.seen
-        if self.scene.is_grey:
-            ambient = np.ascontiguousarray((ambient @ _LUMA)[:, :, None])
-        ambient = blurred(ambient, self.scene.lens_blur_px)
-        return View(layers.depth, layers.owner, layers.normal, layers.albedo, ambient, tuple(meshes))
+        meshes = {n: self._placed(n, angle_rad, moved) for n in self._moving}
+        pixels = {n: self._pixels(mesh) for n, mesh in meshes.items()}
+        changes = [self._extent(n, meshes[n], pixels[n]) for n in meshes]
+        reach, size = blur_reach(self.scene.lens_blur_px), self._still.depth.shape
+        box = grown(around([*changes, *self._turning.values()]), reach, size)
+        part = self._still.part(grown(box, reach, size))
+        drawn = {n: self._draw(part, n, mesh, pixels[n]) for n, mesh in meshes.items()}
+        for n in drawn:
+            self._print(part, n, drawn[n], angle_rad, moved)
+        for n in self._turning:
+            self._print(part, n, self._turning[n], angle_rad)
+        self._shade(part)
+        top, left = part.box[0], part.box[2]
+        inner = box[0] - top, box[1] - top, box[2] - left, box[3] - left
+        ambient = np.ascontiguousarray(self._blurred(part.seen)[area(inner)])
+        return View(self._still, self._still_ambient, part, box, ambient, tuple(meshes.values()))
+
+    def glow(self, view: View, laser: str) -> Glow:
+        """What a laser adds to a view."""
+        beam = self._beams.get(laser)
+        if beam is None:
+            if laser not in self.scene.scanner.sources:
+                known = ", ".join(self.scene.scanner.sources)
+                raise OptionError(f"There is no laser called {laser!r}.", f"Choose one of: {known}.")
+            beam = Beam(self.scene, laser, self._still, list(self._fixed.values()))
+            self._beams[laser] = beam
+        return beam.glow(view.part, view.meshes)
 
     def irradiance(self, view: View, laser: str) -> F32:
         """Grey levels (H, W) that a laser adds, without speckle and clipping."""
-        try:
-            source = self.scene.scanner.sources[laser]
-        except KeyError:
-            known = ", ".join(self.scene.scanner.sources)
-            raise OptionError(f"There is no laser called {laser!r}.", f"Choose one of: {known}.") from None
-        plane = self.scene.scanner.rig.lasers[laser]
-        sheet = Sheet.of(self.scene, source, plane.normal)
-        reach = np.full((len(sheet.offsets_mm), FAN_BINS), np.inf, np.float32)
-        fan = (plane.normal, plane.distance_mm, source.position_mm, sheet.forward, sheet.sideways)
-        for mesh in view.meshes:
-            kernels.cut(
-                mesh.vertices, mesh.faces, *fan, sheet.offsets_mm, source.half_fan_rad,
-                sheet.cosine, sheet.sine, reach,
-            )  # fmt: skip
-        lit = np.zeros(view.depth.shape, np.float32)
-        colour = np.asarray(_TINTS[source.colour], np.float32)
-        kernels.light(
-            self._rays, view.depth, view.normal, view.albedo, colour / colour.sum(), *fan, sheet.offsets_mm,
-            source.half_fan_rad, reach, source.sigma_mm, source.focus_mm, source.focus_depth_mm,
-            source.peak_grey, lit,
-        )  # fmt: skip
-        return blurred(lit, self.scene.lens_blur_px)
+        height, width = self._still.depth.shape
+        return self.glow(view, laser).whole((height, width))
 
     def expose(self, view: View, lasers_on: Sequence[str], seed: int, noise: Noise | None = None) -> Image:
         """The picture with these lasers on.
@@ -135,13 +168,12 @@ class Renderer:
             seed: same seed, same bytes.
             noise: instead of the scene's.
         """
-        lasers = [self.irradiance(view, name) for name in lasers_on]
-        return self.sense(view, dict(zip(lasers_on, lasers, strict=True)), seed, noise)
+        return self.sense(view, {name: self.glow(view, name) for name in lasers_on}, seed, noise)
 
     def sense(
         self,
         view: View,
-        lasers: Mapping[str, F32],
+        lasers: Mapping[str, Glow],
         seed: int,
         noise: Noise | None = None,
         exposure: Exposure | None = None,
@@ -149,20 +181,35 @@ class Renderer:
         """As `expose`, from what each lit laser adds; `exposure` is how much of all that the camera takes."""
         exposure = exposure or Exposure()
         noise = exposure.noisy(noise or self.scene.noise)
-        channels = view.ambient.shape[2]
+        height, width, channels = view.still_ambient.shape
         colour = np.asarray(exposure.colour if channels == 3 else (1.0,), np.float32)
-        tints = np.zeros((len(lasers), channels), np.float32)
-        for n, name in enumerate(lasers):
-            seen = _TINTS[self.scene.scanner.sources[name].colour] if channels == 3 else (_GREY_TINT,)
-            tints[n] = np.float32(exposure.lasers.get(name, 1.0)) * colour * np.asarray(seen, np.float32)
-        stack = np.stack(list(lasers.values())) if lasers else np.zeros((0, 1, 1), np.float32)
-        image = np.empty(view.ambient.shape, np.uint8)
+        amount = np.float32(exposure.room) * colour
+        box = around([view.box, *(glow.box for glow in lasers.values())])
+        top, left = box[0], box[2]
+        amounts = np.tile(amount, width).reshape(width, channels)
+        gathered = view.still_ambient[area(box)] * amounts[: box[3] - left]
+        gathered[area(_within(view.box, box))] = view.part_ambient * amounts[: view.box[3] - view.box[2]]
+        for number, (name, glow) in enumerate(lasers.items(), start=1):
+            tint = TINTS[self.scene.scanner.sources[name].colour] if channels == 3 else (_GREY_TINT,)
+            strength = colour * np.float32(exposure.lasers.get(name, 1.0))
+            first = (number * height + glow.box[0]) * width + glow.box[2]
+            kernels.speckle(
+                glow.light, np.asarray(tint, np.float32) * strength, speckle_levels(noise.speckle),
+                np.uint64(seed), first, width, gathered[area(_within(glow.box, box))],
+            )  # fmt: skip
+        image = np.empty((height, width * channels), np.uint8)
         kernels.expose(
-            view.ambient * (np.float32(exposure.room) * colour), stack, tints,
-            noise.electrons_per_grey, noise.read_grey**2, normal_levels(),
-            speckle_levels(noise.speckle), np.uint64(seed), image,
+            view.still_ambient.reshape(height, -1), amounts.ravel(),
+            gathered.reshape(gathered.shape[0], gathered.shape[1] * channels), top, left * channels,
+            noise.electrons_per_grey, noise.read_grey**2, normal_numbers(), np.uint64(seed), image,
         )  # fmt: skip
-        return image if channels == 3 else image[:, :, 0]
+        return image.reshape(height, width, channels) if channels == 3 else image
+
+    def _placed(
+        self, number: int, angle_rad: float, moved: Mapping[int, RigidTransform] | None = None
+    ) -> Mesh:
+        """A body in the camera frame."""
+        return self.scene.bodies[number].mesh.moved(self._place(number, angle_rad, moved))
 
     def _place(
         self, number: int, angle_rad: float, moved: Mapping[int, RigidTransform] | None = None
@@ -173,42 +220,73 @@ class Renderer:
         turned = RigidTransform(rotation_about(Z_UP, angle_rad if body.turns else 0.0), np.zeros(3))
         return self.scene.scanner.rig.axis.camera_from_table @ turned @ pose
 
-    def _draw(
-        self, layers: Layers, number: int, angle_rad: float, moved: Mapping[int, RigidTransform] | None = None
-    ) -> "_Drawn":
-        """One body into the layers."""
-        place = self._place(number, angle_rad, moved)
-        mesh = self.scene.bodies[number].mesh.moved(place)
-        first = int(self._first[number])
-        pixels = projected(self.scene.scanner.rig.camera, mesh.vertices)
-        box = kernels.rasterise(
-            mesh.vertices, pixels, mesh.faces, self._rays, layers.depth, layers.owner, first, mesh.is_closed
-        )
-        if box[0] < box[1]:
-            kernels.resolve(
-                box, layers.owner, first, mesh.vertices, mesh.normals, mesh.faces, mesh.albedo,
-                mesh.quadrics, mesh.face_quadric, self._rays, layers.depth, layers.normal, layers.albedo,
-            )  # fmt: skip
-            self._colour(layers, number, box, place)
-        return _Drawn(mesh, box)
+    def _pixels(self, mesh: Mesh) -> Floats:
+        """Where a mesh's vertices are seen."""
+        camera = self.scene.scanner.rig.camera
+        pixels: Floats = kernels.project(mesh.vertices, camera.matrix, camera.distortion, *camera.size)
+        return pixels
 
-    def _colour(self, layers: Layers, number: int, box: Box, place: RigidTransform) -> None:
-        """Print and room light on the pixels that see a body."""
-        body, first, lighting = self.scene.bodies[number], int(self._first[number]), self.scene.lighting
+    def _extent(self, number: int, mesh: Mesh, pixels: Floats) -> Box:
+        """Where a body can be seen at most."""
+        height, width = self._still.depth.shape
+        low, high = cv2.reduce(pixels, 0, cv2.REDUCE_MIN)[0], cv2.reduce(pixels, 0, cv2.REDUCE_MAX)[0]
+        nearest_mm = float(cv2.reduce(mesh.vertices, 0, cv2.REDUCE_MIN)[0, 2])
+        if nearest_mm < 1.0:
+            return 0, height, 0, width
+        # Distortion bends the edges of a large triangle out of the box about its corners.
+        longest_px = self._longest_mm[number] * float(self.scene.scanner.rig.camera.matrix.max()) / nearest_mm
+        margin = 2.0 + 0.06 * longest_px
+        u0, v0 = np.clip(np.floor(low - margin), 0, [width, height]).astype(int).tolist()
+        u1, v1 = np.clip(np.ceil(high + margin) + 1.0, 0, [width, height]).astype(int).tolist()
+        return v0, v1, u0, u1
+
+    def _draw(self, layers: Layers, number: int, mesh: Mesh, pixels: Floats | None = None) -> Box:
+        """One body into the layers; the part of the picture in which it is seen."""
+        if pixels is None:
+            pixels = self._pixels(mesh)
+        first, (top, _, left, _) = int(self._first[number]), layers.box
+        box = kernels.rasterise(
+            mesh.vertices, pixels - np.array([left, top], np.float64), mesh.faces, layers.rays,
+            layers.depth, layers.owner, first, mesh.is_closed,
+        )  # fmt: skip
+        if box[0] >= box[1]:
+            return 0, 0, 0, 0
+        kernels.resolve(
+            box, layers.owner, first, mesh.vertices, mesh.normals, mesh.faces, mesh.albedo,
+            mesh.quadrics, mesh.face_quadric, layers.rays, layers.depth, layers.normal, layers.albedo,
+        )  # fmt: skip
+        return box[0] + top, box[1] + top, box[2] + left, box[3] + left
+
+    def _print(
+        self, layers: Layers, number: int, box: Box, angle_rad: float,
+        moved: Mapping[int, RigidTransform] | None = None,
+    ) -> None:  # fmt: skip
+        """What is printed on a body, on the pixels of a box that see it."""
+        body = self.scene.bodies[number]
         texture = body.texture
-        if texture is not None:
-            is_printed = np.abs(body.mesh.vertices[body.mesh.faces][:, :, 2]).max(axis=1) < 1e-9
-            # Triangles in the plane of the print come first in every printed body.
-            count, back = int(np.count_nonzero(is_printed)), place.inverse()
-            kernels.paint(
-                box, layers.owner, first, count, back.rotation, back.translation,
-                texture.albedo, texture.is_busy, BUSY_BLOCK, texture.origin_mm, texture.texel_mm,
-                _TEXTURE_SAMPLES, self._rays, layers.albedo,
-            )  # fmt: skip
+        if texture is None or box[0] >= box[1]:
+            return
+        count, back = self._printed[number], self._place(number, angle_rad, moved).inverse()
+        kernels.paint(
+            _within(box, layers.box), layers.owner, int(self._first[number]), count,
+            back.rotation, back.translation, texture.albedo, texture.coarse, COARSE_BLOCK,
+            texture.fine, FINE_BLOCK, texture.origin_mm, texture.texel_mm, _TEXTURE_SAMPLES,
+            layers.rays, layers.albedo,
+        )  # fmt: skip
+
+    def _shade(self, layers: Layers) -> None:
+        """The room's light on everything that is seen."""
+        lighting = self.scene.lighting
         kernels.shade(
-            box, layers.owner, first, layers.normal, layers.albedo, _lamp(self.scene),
+            layers.owner, layers.normal, layers.albedo, _lamp(self.scene),
             lighting.lamp_grey, lighting.ambient_grey, layers.seen,
         )  # fmt: skip
+
+    def _blurred(self, seen: F32) -> F32:
+        """What the lens makes of it, and a camera without colours."""
+        if self.scene.is_grey:
+            seen = np.ascontiguousarray((seen @ _LUMA)[:, :, None])
+        return blurred(seen, self.scene.lens_blur_px)
 
 
 def render_shot(scene: Scene, lasers_on: Sequence[str], angle_rad: float, rng: np.random.Generator) -> Image:
@@ -223,10 +301,26 @@ def renderer_of(scene: Scene) -> Renderer:
     return Renderer(scene)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Drawn:
-    mesh: Mesh
-    box: Box
+def _pasted(picture: NDArray, box: Box, part: NDArray) -> NDArray:  # type: ignore[type-arg]
+    whole = picture.copy()
+    whole[area(box)] = part
+    return whole
+
+
+def _within(box: Box, outer: Box) -> Box:
+    """A box counted from the upper left corner of one around it."""
+    top, left = outer[0], outer[2]
+    return box[0] - top, box[1] - top, box[2] - left, box[3] - left
+
+
+def _printed_faces(mesh: Mesh) -> int:
+    """How many triangles lie in the plane of the print; they come first in every printed body."""
+    return int(np.count_nonzero(np.abs(mesh.vertices[mesh.faces][:, :, 2]).max(axis=1) < 1e-9))
+
+
+def _longest_edge_mm(mesh: Mesh) -> float:
+    corners = mesh.vertices[mesh.faces]
+    return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max())
 
 
 def _lamp(scene: Scene) -> Floats:

@@ -12,7 +12,7 @@ from app.simulation.mesh import Mesh
 from app.simulation.noise import Noise
 from app.simulation.rig import SimulatedRig
 
-BUSY_BLOCK = 16
+COARSE_BLOCK, FINE_BLOCK = 16, 4
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -21,25 +21,33 @@ class Texture:
 
     Attributes:
         albedo: (h, w) share of the light that comes back, 0..1; rows along y, columns along x.
-        is_busy: whether a block of `BUSY_BLOCK` squared texels, or one beside it, holds an edge.
+        coarse: albedo of blocks of `COARSE_BLOCK` squared texels; NaN where a block, or one beside it, holds
+            an edge.
+        fine: the same for blocks of `FINE_BLOCK`.
         origin_mm: (2,) the body's x and y at the outer edge of the first texel.
         texel_mm: side of a texel.
     """
 
     albedo: NDArray[np.float32]
-    is_busy: NDArray[np.bool_]
+    coarse: NDArray[np.float32]
+    fine: NDArray[np.float32]
     origin_mm: Floats
     texel_mm: float
 
     @classmethod
     def of(cls, albedo: NDArray[np.float32], origin_mm: Floats, texel_mm: float) -> "Texture":
-        rows, columns = (-(-size // BUSY_BLOCK) for size in albedo.shape)
-        padding = ((0, rows * BUSY_BLOCK - albedo.shape[0]), (0, columns * BUSY_BLOCK - albedo.shape[1]))
-        blocks = np.pad(albedo, padding, mode="edge").reshape(rows, BUSY_BLOCK, columns, BUSY_BLOCK)
-        low, high = blocks.min(axis=(1, 3)), blocks.max(axis=(1, 3))
-        square = np.ones((3, 3), np.uint8)
-        is_busy = np.asarray(cv2.erode(low, square)) != np.asarray(cv2.dilate(high, square))
-        return cls(albedo, is_busy, origin_mm, texel_mm)
+        return cls(albedo, _plain(albedo, COARSE_BLOCK), _plain(albedo, FINE_BLOCK), origin_mm, texel_mm)
+
+
+def _plain(albedo: NDArray[np.float32], block: int) -> NDArray[np.float32]:
+    """What blocks have in common with all around them, NaN where they have nothing."""
+    rows, columns = (-(-size // block) for size in albedo.shape)
+    padding = ((0, rows * block - albedo.shape[0]), (0, columns * block - albedo.shape[1]))
+    blocks = np.pad(albedo, padding, mode="edge").reshape(rows, block, columns, block)
+    square = np.ones((3, 3), np.uint8)
+    low = np.asarray(cv2.erode(blocks.min(axis=(1, 3)), square), np.float32)
+    high = np.asarray(cv2.dilate(blocks.max(axis=(1, 3)), square), np.float32)
+    return np.where(low == high, low, np.float32(np.nan))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -9,9 +9,9 @@ from typing import Literal, TypeAlias
 import numpy as np
 
 from app.geometry.transform import RigidTransform, rotation_about
+from app.simulation.beam import Glow
 from app.simulation.boards import board_body, board_plate, table_bodies
 from app.simulation.exposure import CameraSettings
-from app.simulation.layers import F32
 from app.simulation.objects import SimulatedObject, make_object
 from app.simulation.poses import fitting_board, standing_pose
 from app.simulation.render import Renderer, View
@@ -139,10 +139,10 @@ class _Seen:
 
     def __init__(self, view: View) -> None:
         self.view = view
-        self._lasers: dict[str, F32] = {}
+        self._lasers: dict[str, Glow] = {}
 
-    def laser(self, name: str, renderer: Renderer) -> F32:
+    def laser(self, name: str, renderer: Renderer) -> Glow:
         light = self._lasers.get(name)
         if light is None:
-            light = self._lasers[name] = renderer.irradiance(self.view, name)
+            light = self._lasers[name] = renderer.glow(self.view, name)
         return light

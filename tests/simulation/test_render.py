@@ -171,13 +171,14 @@ def test_speckle_has_its_contrast_and_leaves_the_mean(scanner: SimulatedRig) -> 
     scene = on_the_table(scanner, sphere())
     renderer = Renderer(scene)
     view = renderer.look(0.0)
-    light = renderer.irradiance(view, "left")
+    glow = renderer.glow(view, "left")
+    light = glow.whole(view.depth.shape)
     red = view.ambient[:, :, 2]
     where = (light > 50.0) & (light + red < 140.0)
     noise = Noise(speckle=0.2, electrons_per_grey=float("inf"), read_grey=0.0)
     shares = np.concatenate(
         [
-            (renderer.sense(view, {"left": light}, seed, noise)[:, :, 2] - red)[where] / light[where]
+            (renderer.sense(view, {"left": glow}, seed, noise)[:, :, 2] - red)[where] / light[where]
             for seed in range(30)
         ]
     )

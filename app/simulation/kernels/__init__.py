@@ -5,8 +5,42 @@ from importlib.util import find_spec
 IS_COMPILED = find_spec("numba") is not None
 
 if IS_COMPILED:
-    from app.simulation.kernels.compiled import cut, expose, light, paint, rasterise, resolve, shade
+    from app.simulation.kernels.compiled import (
+        cut,
+        expose,
+        light,
+        near,
+        paint,
+        project,
+        rasterise,
+        resolve,
+        shade,
+        speckle,
+    )
 else:
-    from app.simulation.kernels.plain import cut, expose, light, paint, rasterise, resolve, shade
+    from app.simulation.kernels.plain import (
+        cut,
+        expose,
+        light,
+        near,
+        paint,
+        project,
+        rasterise,
+        resolve,
+        shade,
+        speckle,
+    )
 
-__all__ = ["IS_COMPILED", "cut", "expose", "light", "paint", "rasterise", "resolve", "shade"]
+__all__ = [
+    "IS_COMPILED",
+    "cut",
+    "expose",
+    "light",
+    "near",
+    "paint",
+    "project",
+    "rasterise",
+    "resolve",
+    "shade",
+    "speckle",
+]

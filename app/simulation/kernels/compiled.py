@@ -15,7 +15,37 @@ _MIX_2 = np.uint64(0x94D049BB133111EB)
 _LOW_16 = np.uint64(0xFFFF)
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, inline="always")
+def _side(vertices: Floats, j: int, k: int) -> tuple[float, float, float]:
+    """Normal of the plane through the camera and two corners, as long as they span."""
+    return (
+        vertices[j, 1] * vertices[k, 2] - vertices[j, 2] * vertices[k, 1],
+        vertices[j, 2] * vertices[k, 0] - vertices[j, 0] * vertices[k, 2],
+        vertices[j, 0] * vertices[k, 1] - vertices[j, 1] * vertices[k, 0],
+    )
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def project(vertices: Floats, matrix: Floats, distortion: Floats, width: int, height: int) -> Floats:
+    pixels = np.empty((vertices.shape[0], 2))
+    k1, k2, p1, p2, k3 = distortion[0], distortion[1], distortion[2], distortion[3], distortion[4]
+    for n in range(vertices.shape[0]):
+        z = vertices[n, 2]
+        if not z > 0.0:
+            pixels[n, 0], pixels[n, 1] = np.nan, np.nan
+            continue
+        x, y = vertices[n, 0] / z, vertices[n, 1] / z
+        u, v = matrix[0, 0] * x + matrix[0, 2], matrix[1, 1] * y + matrix[1, 2]
+        if abs(u - 0.5 * width) <= 0.8 * width and abs(v - 0.5 * height) <= 0.8 * height:
+            r2 = x * x + y * y
+            radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+            u = matrix[0, 0] * (x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x)) + matrix[0, 2]
+            v = matrix[1, 1] * (y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y) + matrix[1, 2]
+        pixels[n, 0], pixels[n, 1] = u, v
+    return pixels
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
 def rasterise(
     vertices: Floats,
     pixels: Floats,
@@ -32,51 +62,55 @@ def rasterise(
         i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
         if not (vertices[i, 2] > 1e-3 and vertices[j, 2] > 1e-3 and vertices[k, 2] > 1e-3):
             continue
-        ax = vertices[j, 1] * vertices[k, 2] - vertices[j, 2] * vertices[k, 1]
-        ay = vertices[j, 2] * vertices[k, 0] - vertices[j, 0] * vertices[k, 2]
-        az = vertices[j, 0] * vertices[k, 1] - vertices[j, 1] * vertices[k, 0]
+        ax, ay, az = _side(vertices, j, k)
         det = vertices[i, 0] * ax + vertices[i, 1] * ay + vertices[i, 2] * az
         if det == 0.0 or (is_closed and det > 0.0):
             continue
-        bx = vertices[k, 1] * vertices[i, 2] - vertices[k, 2] * vertices[i, 1]
-        by = vertices[k, 2] * vertices[i, 0] - vertices[k, 0] * vertices[i, 2]
-        bz = vertices[k, 0] * vertices[i, 1] - vertices[k, 1] * vertices[i, 0]
-        cx = vertices[i, 1] * vertices[j, 2] - vertices[i, 2] * vertices[j, 1]
-        cy = vertices[i, 2] * vertices[j, 0] - vertices[i, 0] * vertices[j, 2]
-        cz = vertices[i, 0] * vertices[j, 1] - vertices[i, 1] * vertices[j, 0]
         u_low = min(pixels[i, 0], pixels[j, 0], pixels[k, 0])
         u_high = max(pixels[i, 0], pixels[j, 0], pixels[k, 0])
         v_low = min(pixels[i, 1], pixels[j, 1], pixels[k, 1])
         v_high = max(pixels[i, 1], pixels[j, 1], pixels[k, 1])
         # Distortion bends the edges of a large triangle out of the box about its corners.
-        margin = 0.06 * max(u_high - u_low, v_high - v_low)
+        extent = max(u_high - u_low, v_high - v_low)
+        margin = min(0.06 * extent, 0.02 + 0.002 * extent * extent)
         if not (u_low - margin < width and v_low - margin < height):
             continue
-        if not (u_high + margin > -1.0 and v_high + margin > -1.0):
+        if not (u_high + margin >= 0.0 and v_high + margin >= 0.0):
             continue
-        u0 = max(0, math.floor(u_low - margin))
-        u1 = min(width - 1, math.ceil(u_high + margin))
-        v0 = max(0, math.floor(v_low - margin))
-        v1 = min(height - 1, math.ceil(v_high + margin))
-        sign = 1.0 if det > 0.0 else -1.0
-        for v in range(v0, v1 + 1):
-            for u in range(u0, u1 + 1):
-                x, y = rays[v, u, 0], rays[v, u, 1]
-                wa = ax * x + ay * y + az
-                wb = bx * x + by * y + bz
-                wc = cx * x + cy * y + cz
-                if wa * sign < 0.0 or wb * sign < 0.0 or wc * sign < 0.0:
+        u0 = max(0, math.ceil(u_low - margin))
+        u1 = min(width - 1, math.floor(u_high + margin))
+        v0 = max(0, math.ceil(v_low - margin))
+        v1 = min(height - 1, math.floor(v_high + margin))
+        if u0 > u1 or v0 > v1:
+            continue
+        bx, by, bz = _side(vertices, k, i)
+        cx, cy, cz = _side(vertices, i, j)
+        if det < 0.0:
+            ax, ay, az, bx, by, bz = -ax, -ay, -az, -bx, -by, -bz
+            cx, cy, cz, det = -cx, -cy, -cz, -det
+        tx, ty, tz = ax + bx + cx, ay + by + cy, az + bz + cz
+        is_seen = False
+        # Indices that cannot be negative need not be checked for it.
+        for v in range(np.uint64(v0), np.uint64(v1 + 1)):
+            for u in range(np.uint64(u0), np.uint64(u1 + 1)):
+                x, y = float(rays[v, u, 0]), float(rays[v, u, 1])
+                is_outside = (
+                    (ax * x + ay * y + az < 0.0) | (bx * x + by * y + bz < 0.0) | (cx * x + cy * y + cz < 0.0)
+                )
+                if is_outside:
                     continue
-                z = np.float32(det / (wa + wb + wc))
+                z = np.float32(det / (tx * x + ty * y + tz))
                 if z < depth[v, u]:
                     depth[v, u] = z
                     owner[v, u] = first_face + face
-                    top, bottom = min(top, v), max(bottom, v + 1)
-                    left, right = min(left, u), max(right, u + 1)
+                    is_seen = True
+        if is_seen:
+            top, bottom = min(top, v0), max(bottom, v1 + 1)
+            left, right = min(left, u0), max(right, u1 + 1)
     return top, bottom, left, right
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def resolve(
     box: tuple[int, int, int, int],
     owner: NDArray[np.int32],
@@ -94,18 +128,26 @@ def resolve(
 ) -> None:
     top, bottom, left, right = box
     count = faces.shape[0]
+    last, i, j, k = -1, 0, 0, 0
+    ax = ay = az = bx = by = bz = cx = cy = cz = 0.0
     for v in range(top, bottom):
         for u in range(left, right):
             face = owner[v, u] - first_face
             if face < 0 or face >= count:
                 continue
+            if face != last:
+                # Neighbouring pixels mostly see the same triangle.
+                last, i, j, k = face, faces[face, 0], faces[face, 1], faces[face, 2]
+                ax, ay, az = _side(vertices, j, k)
+                bx, by, bz = _side(vertices, k, i)
+                cx, cy, cz = _side(vertices, i, j)
             x, y = float(rays[v, u, 0]), float(rays[v, u, 1])
-            i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
-            wa = _triple(vertices, j, k, x, y)
-            wb = _triple(vertices, k, i, x, y)
-            wc = _triple(vertices, i, j, x, y)
+            wa = ax * x + ay * y + az
+            wb = bx * x + by * y + bz
+            wc = cx * x + cy * y + cz
             total = wa + wb + wc
-            wa, wb, wc = wa / total, wb / total, wc / total
+            share = 1.0 / total
+            wa, wb, wc = share * wa, share * wb, share * wc
             nx = wa * normals[i, 0] + wb * normals[j, 0] + wc * normals[k, 0]
             ny = wa * normals[i, 1] + wb * normals[j, 1] + wc * normals[k, 1]
             nz = wa * normals[i, 2] + wb * normals[j, 2] + wc * normals[k, 2]
@@ -129,28 +171,18 @@ def resolve(
                         sz = exact * gz + q[2, 3]
                         side = 1.0 if sx * nx + sy * ny + sz * nz >= 0.0 else -1.0
                         nx, ny, nz = side * sx, side * sy, side * sz
-            length = math.sqrt(nx * nx + ny * ny + nz * nz)
+            shorter = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
             # Seen from behind, a surface that is not closed shows its other side.
             if nx * x + ny * y + nz > 0.0 and total > 0.0:
-                length = -length
-            normal_out[v, u, 0] = nx / length
-            normal_out[v, u, 1] = ny / length
-            normal_out[v, u, 2] = nz / length
+                shorter = -shorter
+            normal_out[v, u, 0] = shorter * nx
+            normal_out[v, u, 1] = shorter * ny
+            normal_out[v, u, 2] = shorter * nz
             for c in range(3):
                 albedo_out[v, u, c] = wa * albedo[i, c] + wb * albedo[j, c] + wc * albedo[k, c]
 
 
-@njit(nogil=True, cache=True)
-def _triple(vertices: Floats, j: int, k: int, x: float, y: float) -> float:
-    volume: float = (
-        (vertices[j, 1] * vertices[k, 2] - vertices[j, 2] * vertices[k, 1]) * x
-        + (vertices[j, 2] * vertices[k, 0] - vertices[j, 0] * vertices[k, 2]) * y
-        + (vertices[j, 0] * vertices[k, 1] - vertices[j, 1] * vertices[k, 0])
-    )
-    return volume
-
-
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def paint(
     box: tuple[int, int, int, int],
     owner: NDArray[np.int32],
@@ -159,8 +191,10 @@ def paint(
     rotation: Floats,
     translation: Floats,
     texture: F32,
-    is_busy: NDArray[np.bool_],
-    block: int,
+    coarse: F32,
+    coarse_block: int,
+    fine: F32,
+    fine_block: int,
     origin_mm: Floats,
     texel_mm: float,
     samples: int,
@@ -169,65 +203,60 @@ def paint(
 ) -> None:
     top, bottom, left, right = box
     height, width = owner.shape
+    per_mm = 1.0 / texel_mm
+    last_column, last_row = texture.shape[1] - 1.001, texture.shape[0] - 1.001
     for v in range(top, bottom):
         for u in range(left, right):
             face = owner[v, u] - first_face
             if face < 0 or face >= count:
                 continue
-            u_next, u_last = min(u + 1, width - 1), max(u - 1, 0)
-            v_next, v_last = min(v + 1, height - 1), max(v - 1, 0)
-            xu = (rays[v, u_next, 0] - rays[v, u_last, 0]) / (u_next - u_last)
-            yu = (rays[v, u_next, 1] - rays[v, u_last, 1]) / (u_next - u_last)
-            xv = (rays[v_next, u, 0] - rays[v_last, u, 0]) / (v_next - v_last)
-            yv = (rays[v_next, u, 1] - rays[v_last, u, 1]) / (v_next - v_last)
             x, y = float(rays[v, u, 0]), float(rays[v, u, 1])
+            along_x = rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2]
+            along_y = rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2]
             z = -translation[2] / (rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2])
-            across = (rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2]) * z + translation[0]
-            down = (rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2]) * z + translation[1]
-            column = min(max((across - origin_mm[0]) / texel_mm - 0.5, 0.0), texture.shape[1] - 1.001)
-            row = min(max((down - origin_mm[1]) / texel_mm - 0.5, 0.0), texture.shape[0] - 1.001)
-            total = 0.0
-            if not is_busy[int(row) // block, int(column) // block]:
-                total = texture[int(row), int(column)] * samples * samples
-            else:
-                for sv in range(samples):
-                    dv = (sv + 0.5) / samples - 0.5
-                    for su in range(samples):
-                        du = (su + 0.5) / samples - 0.5
-                        px, py = x + du * xu + dv * xv, y + du * yu + dv * yv
-                        total += _printed(texture, rotation, translation, origin_mm, texel_mm, px, py)
-            for c in range(3):
-                albedo_out[v, u, c] = total / (samples * samples)
+            column = (along_x * z + translation[0] - origin_mm[0]) * per_mm - 0.5
+            row = (along_y * z + translation[1] - origin_mm[1]) * per_mm - 0.5
+            c = int(min(max(column, 0.0), last_column))
+            r = int(min(max(row, 0.0), last_row))
+            grey = float(coarse[r // coarse_block, c // coarse_block])
+            if math.isnan(grey):
+                u_next, u_last = min(u + 1, width - 1), max(u - 1, 0)
+                v_next, v_last = min(v + 1, height - 1), max(v - 1, 0)
+                xu = (rays[v, u_next, 0] - rays[v, u_last, 0]) / (u_next - u_last)
+                yu = (rays[v, u_next, 1] - rays[v, u_last, 1]) / (u_next - u_last)
+                xv = (rays[v_next, u, 0] - rays[v_last, u, 0]) / (v_next - v_last)
+                yv = (rays[v_next, u, 1] - rays[v_last, u, 1]) / (v_next - v_last)
+                # Within a pixel the print's coordinates are as good as linear.
+                nearer = z * z / translation[2]
+                zu = nearer * (rotation[2, 0] * xu + rotation[2, 1] * yu)
+                zv = nearer * (rotation[2, 0] * xv + rotation[2, 1] * yv)
+                cu = per_mm * (z * (rotation[0, 0] * xu + rotation[0, 1] * yu) + zu * along_x)
+                cv = per_mm * (z * (rotation[0, 0] * xv + rotation[0, 1] * yv) + zv * along_x)
+                ru = per_mm * (z * (rotation[1, 0] * xu + rotation[1, 1] * yu) + zu * along_y)
+                rv = per_mm * (z * (rotation[1, 0] * xv + rotation[1, 1] * yv) + zv * along_y)
+                reach = 0.5 * math.hypot(abs(cu) + abs(cv), abs(ru) + abs(rv))
+                grey = float(fine[r // fine_block, c // fine_block])
+                if math.isnan(grey) or reach > fine_block - 1.0:
+                    grey = 0.0
+                    for sv in range(samples):
+                        dv = (sv + 0.5) / samples - 0.5
+                        for su in range(samples):
+                            du = (su + 0.5) / samples - 0.5
+                            sc = min(max(column + du * cu + dv * cv, 0.0), last_column)
+                            sr = min(max(row + du * ru + dv * rv, 0.0), last_row)
+                            c, r = int(sc), int(sr)
+                            fc, fr = sc - c, sr - r
+                            upper = texture[r, c] + fc * (texture[r, c + 1] - texture[r, c])
+                            lower = texture[r + 1, c] + fc * (texture[r + 1, c + 1] - texture[r + 1, c])
+                            grey += upper + fr * (lower - upper)
+                    grey /= samples * samples
+            for n in range(3):
+                albedo_out[v, u, n] = grey
 
 
-@njit(nogil=True, cache=True, inline="always")
-def _printed(
-    texture: F32,
-    rotation: Floats,
-    translation: Floats,
-    origin_mm: Floats,
-    texel_mm: float,
-    x: float,
-    y: float,
-) -> float:
-    z = -translation[2] / (rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2])
-    across = (rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2]) * z + translation[0] - origin_mm[0]
-    down = (rotation[1, 0] * x + rotation[1, 1] * y + rotation[1, 2]) * z + translation[1] - origin_mm[1]
-    column = min(max(across / texel_mm - 0.5, 0.0), texture.shape[1] - 1.001)
-    row = min(max(down / texel_mm - 0.5, 0.0), texture.shape[0] - 1.001)
-    c, r = int(column), int(row)
-    fc, fr = column - c, row - r
-    upper: float = texture[r, c] + fc * (texture[r, c + 1] - texture[r, c])
-    lower: float = texture[r + 1, c] + fc * (texture[r + 1, c + 1] - texture[r + 1, c])
-    grey: float = upper + fr * (lower - upper)
-    return grey
-
-
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def shade(
-    box: tuple[int, int, int, int],
     owner: NDArray[np.int32],
-    first_face: int,
     normal: F32,
     albedo: F32,
     towards_lamp: Floats,
@@ -235,12 +264,12 @@ def shade(
     ambient_grey: float,
     seen: F32,
 ) -> None:
-    top, bottom, left, right = box
+    height, width = owner.shape
     lx, ly, lz = np.float32(towards_lamp[0]), np.float32(towards_lamp[1]), np.float32(towards_lamp[2])
     lamp, ambient = np.float32(lamp_grey), np.float32(ambient_grey)
-    for v in range(top, bottom):
-        for u in range(left, right):
-            if owner[v, u] < first_face:
+    for v in range(height):
+        for u in range(width):
+            if owner[v, u] < 0:
                 continue
             facing = normal[v, u, 0] * lx + normal[v, u, 1] * ly + normal[v, u, 2] * lz
             light = ambient + lamp * max(facing, np.float32(0.0))
@@ -248,7 +277,7 @@ def shade(
                 seen[v, u, c] = albedo[v, u, c] * light
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
 def cut(
     vertices: Floats,
     faces: NDArray[np.int32],
@@ -322,12 +351,31 @@ def cut(
                     reach[s, n] = distance
 
 
-@njit(nogil=True, cache=True)
+@njit(nogil=True, cache=True, error_model="numpy")
+def near(
+    rays: F32, depth: F32, plane: Floats, distance_mm: float, widest_mm: float
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    height, width = depth.shape
+    n0, n1, n2 = np.float32(plane[0]), np.float32(plane[1]), np.float32(plane[2])
+    offset, widest = np.float32(distance_mm), np.float32(widest_mm)
+    rows, columns = np.empty(height * width, np.int32), np.empty(height * width, np.int32)
+    count = 0
+    for v in range(height):
+        for u in range(width):
+            rows[count], columns[count] = v, u
+            ahead = (n0 * rays[v, u, 0] + n1 * rays[v, u, 1] + n2) * depth[v, u] - offset
+            count += abs(ahead) <= widest
+    return rows[:count].copy(), columns[:count].copy()
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
 def light(
     rays: F32,
     depth: F32,
     normal: F32,
     albedo: F32,
+    rows: NDArray[np.int32],
+    columns: NDArray[np.int32],
     colour: F32,
     plane: Floats,
     distance_mm: float,
@@ -341,63 +389,58 @@ def light(
     focus_mm: float,
     focus_depth_mm: float,
     peak_grey: float,
-    irradiance: F32,
+    grey: F32,
 ) -> None:
     height, width = depth.shape
     bins, slices = reach.shape[1], offsets_mm.shape[0]
     per_rad = (bins - 1) / (2.0 * half_fan)
     spacing = offsets_mm[1] - offsets_mm[0]
-    n0, n1, n2 = np.float32(plane[0]), np.float32(plane[1]), np.float32(plane[2])
-    offset32 = np.float32(distance_mm)
-    widest = np.float32(4.5 * sigma_mm * math.sqrt(1.0 + (focus_mm / focus_depth_mm) ** 2) + 0.05)
-    for v in range(height):
-        for u in range(width):
-            z = depth[v, u]
-            if abs((n0 * rays[v, u, 0] + n1 * rays[v, u, 1] + n2) * z - offset32) > widest:
-                continue
-            x, y = float(rays[v, u, 0]), float(rays[v, u, 1])
-            slope = plane[0] * x + plane[1] * y + plane[2]
-            q = slope * z - distance_mm
-            lx, ly, lz = x * z - source[0], y * z - source[1], z - source[2]
-            distance = math.sqrt(lx * lx + ly * ly + lz * lz)
-            sigma = sigma_mm * math.sqrt(1.0 + ((distance - focus_mm) / focus_depth_mm) ** 2)
-            if abs(q) > 4.5 * sigma:
-                continue
-            m0, m1, m2 = float(normal[v, u, 0]), float(normal[v, u, 1]), float(normal[v, u, 2])
-            facing = -(lx * m0 + ly * m1 + lz * m2) / distance
-            if facing <= 0.0:
-                continue
-            # Walk on the surface to the nearest of the slices whose shadows are known.
-            s = min(max(round((q - offsets_mm[0]) / spacing), 0), slices - 1)
-            along = plane[0] * m0 + plane[1] * m1 + plane[2] * m2
-            walk = (offsets_mm[s] - q) / max(1.0 - along * along, 0.02)
-            wx = lx + walk * (plane[0] - along * m0)
-            wy = ly + walk * (plane[1] - along * m1)
-            wz = lz + walk * (plane[2] - along * m2)
-            ahead = wx * forward[0] + wy * forward[1] + wz * forward[2]
-            aside = wx * sideways[0] + wy * sideways[1] + wz * sideways[2]
-            fan = math.atan2(aside, ahead)
-            if abs(fan) > half_fan:
-                continue
-            nearest = reach[s, round((fan + half_fan) * per_rad)]
-            if math.sqrt(ahead * ahead + aside * aside) > nearest + 0.3 + 0.1 / max(facing, 0.05):
-                continue
-            u_next, u_last = min(u + 1, width - 1), max(u - 1, 0)
-            v_next, v_last = min(v + 1, height - 1), max(v - 1, 0)
-            xu = (rays[v, u_next, 0] - rays[v, u_last, 0]) / (u_next - u_last)
-            yu = (rays[v, u_next, 1] - rays[v, u_last, 1]) / (u_next - u_last)
-            xv = (rays[v_next, u, 0] - rays[v_last, u, 0]) / (v_next - v_last)
-            yv = (rays[v_next, u, 1] - rays[v_last, u, 1]) / (v_next - v_last)
-            towards = min(m0 * x + m1 * y + m2, -0.03)
-            qu = z * (plane[0] * xu + plane[1] * yu - slope * (m0 * xu + m1 * yu) / towards)
-            qv = z * (plane[0] * xv + plane[1] * yv - slope * (m0 * xv + m1 * yv) / towards)
-            total = 0.0
-            for a in range(3):
-                for b in range(3):
-                    r = (q + _NODES[a] * qu + _NODES[b] * qv) / sigma
-                    total += _WEIGHTS[a] * _WEIGHTS[b] * math.exp(-0.5 * r * r)
-            tint = colour[0] * albedo[v, u, 0] + colour[1] * albedo[v, u, 1] + colour[2] * albedo[v, u, 2]
-            irradiance[v, u] = peak_grey * tint * total * facing * (focus_mm / distance) * (sigma_mm / sigma)
+    for n in range(rows.shape[0]):
+        v, u = rows[n], columns[n]
+        z = float(depth[v, u])
+        x, y = float(rays[v, u, 0]), float(rays[v, u, 1])
+        slope = plane[0] * x + plane[1] * y + plane[2]
+        q = slope * z - distance_mm
+        lx, ly, lz = x * z - source[0], y * z - source[1], z - source[2]
+        distance = math.sqrt(lx * lx + ly * ly + lz * lz)
+        sigma = sigma_mm * math.sqrt(1.0 + ((distance - focus_mm) / focus_depth_mm) ** 2)
+        if abs(q) > 4.5 * sigma:
+            continue
+        m0, m1, m2 = float(normal[v, u, 0]), float(normal[v, u, 1]), float(normal[v, u, 2])
+        facing = -(lx * m0 + ly * m1 + lz * m2) / distance
+        if facing <= 0.0:
+            continue
+        # Walk on the surface to the nearest of the slices whose shadows are known.
+        s = min(max(round((q - offsets_mm[0]) / spacing), 0), slices - 1)
+        along = plane[0] * m0 + plane[1] * m1 + plane[2] * m2
+        walk = (offsets_mm[s] - q) / max(1.0 - along * along, 0.02)
+        wx = lx + walk * (plane[0] - along * m0)
+        wy = ly + walk * (plane[1] - along * m1)
+        wz = lz + walk * (plane[2] - along * m2)
+        ahead = wx * forward[0] + wy * forward[1] + wz * forward[2]
+        aside = wx * sideways[0] + wy * sideways[1] + wz * sideways[2]
+        fan = math.atan2(aside, ahead)
+        if abs(fan) > half_fan:
+            continue
+        nearest = reach[s, round((fan + half_fan) * per_rad)]
+        if math.sqrt(ahead * ahead + aside * aside) > nearest + 0.3 + 0.1 / max(facing, 0.05):
+            continue
+        u_next, u_last = min(u + 1, width - 1), max(u - 1, 0)
+        v_next, v_last = min(v + 1, height - 1), max(v - 1, 0)
+        xu = (rays[v, u_next, 0] - rays[v, u_last, 0]) / (u_next - u_last)
+        yu = (rays[v, u_next, 1] - rays[v, u_last, 1]) / (u_next - u_last)
+        xv = (rays[v_next, u, 0] - rays[v_last, u, 0]) / (v_next - v_last)
+        yv = (rays[v_next, u, 1] - rays[v_last, u, 1]) / (v_next - v_last)
+        towards = min(m0 * x + m1 * y + m2, -0.03)
+        qu = z * (plane[0] * xu + plane[1] * yu - slope * (m0 * xu + m1 * yu) / towards)
+        qv = z * (plane[0] * xv + plane[1] * yv - slope * (m0 * xv + m1 * yv) / towards)
+        total = 0.0
+        for a in range(3):
+            for b in range(3):
+                r = (q + _NODES[a] * qu + _NODES[b] * qv) / sigma
+                total += _WEIGHTS[a] * _WEIGHTS[b] * math.exp(-0.5 * r * r)
+        tint = colour[0] * albedo[v, u, 0] + colour[1] * albedo[v, u, 1] + colour[2] * albedo[v, u, 2]
+        grey[n] = peak_grey * tint * total * facing * (focus_mm / distance) * (sigma_mm / sigma)
 
 
 # Gauss and Legendre's three points on a pixel's width.
@@ -405,39 +448,68 @@ _NODES = (-0.5 * math.sqrt(0.6), 0.0, 0.5 * math.sqrt(0.6))
 _WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
 
 
+@njit(nogil=True, cache=True, error_model="numpy")
+def speckle(
+    laser: F32,
+    tint: F32,
+    levels: F32,
+    seed: np.uint64,
+    first: int,
+    stride: int,
+    gathered: F32,
+) -> None:
+    height, width = laser.shape
+    for v in range(height):
+        for u in range(width):
+            if laser[v, u] > 0.0:
+                light = laser[v, u] * levels[_random(seed, first + v * stride + u) & _LOW_16]
+                for c in range(gathered.shape[2]):
+                    gathered[v, u, c] += light * tint[c]
+
+
 @njit(nogil=True, cache=True)
 def expose(
     ambient: F32,
-    lasers: F32,
-    tints: F32,
+    amounts: F32,
+    gathered: F32,
+    top: int,
+    left: int,
     electrons_per_grey: float,
     read_variance: float,
-    normal_levels: F32,
-    speckle_levels: F32,
+    normals: F32,
     seed: np.uint64,
     image: NDArray[np.uint8],
 ) -> None:
-    height, width, channels = ambient.shape
-    count = lasers.shape[0]
-    per_electron = np.float32(1.0 / electrons_per_grey)
-    read = np.float32(read_variance)
-    half, black, white = np.float32(0.5), np.float32(0.0), np.float32(255.0)
+    height, length = ambient.shape
+    ones = np.ones(gathered.shape[1], np.float32)
+    per_electron, read = np.float32(1.0 / electrons_per_grey), np.float32(read_variance)
+    most = normals.shape[0] - length + 1
+    end = left + gathered.shape[1]
     for v in range(height):
-        for u in range(width):
-            bits = _random(seed, v * width + u)
-            is_lit = False
-            for n in range(count):
-                is_lit |= lasers[n, v, u] > 0.0
-            for c in range(channels):
-                grey = ambient[v, u, c]
-                if is_lit:
-                    for n in range(count):
-                        number = ((n + 1) * height + v) * width + u
-                        grain = speckle_levels[_random(seed, number) & _LOW_16]
-                        grey += lasers[n, v, u] * grain * tints[n, c]
-                grey += math.sqrt(grey * per_electron + read) * normal_levels[bits & _LOW_16] + half
-                bits >>= np.uint64(16)
-                image[v, u, c] = np.uint8(np.int32(min(max(grey, black), white)))
+        start = np.int64(_random(seed, v) % np.uint64(most))
+        noise = normals[start : start + length]
+        if v < top or v >= top + gathered.shape[0]:
+            _develop(ambient[v], amounts, per_electron, read, noise, image[v])
+            continue
+        _develop(ambient[v, :left], amounts[:left], per_electron, read, noise[:left], image[v, :left])
+        _develop(gathered[v - top], ones, per_electron, read, noise[left:end], image[v, left:end])
+        _develop(ambient[v, end:], amounts[end:], per_electron, read, noise[end:], image[v, end:])
+
+
+@njit(nogil=True, cache=True, fastmath={"nnan", "ninf", "nsz"})
+def _develop(
+    light: F32,
+    amounts: F32,
+    per_electron: np.float32,
+    read: np.float32,
+    noise: F32,
+    image: NDArray[np.uint8],
+) -> None:
+    half, black, white = np.float32(0.5), np.float32(0.0), np.float32(255.0)
+    for n in range(light.shape[0]):
+        grey = light[n] * amounts[n]
+        grey += np.sqrt(grey * per_electron + read) * noise[n] + half
+        image[n] = np.uint8(np.int32(min(max(grey, black), white)))
 
 
 @njit(nogil=True, cache=True)

@@ -16,6 +16,35 @@ _NODES = (-0.5 * np.sqrt(0.6), 0.0, 0.5 * np.sqrt(0.6))
 _WEIGHTS = (5.0 / 18.0, 8.0 / 18.0, 5.0 / 18.0)
 
 
+def project(vertices: Floats, matrix: Floats, distortion: Floats, width: int, height: int) -> Floats:
+    """Pixels (V, 2); far outside the picture without distortion, which folds back there for some lenses.
+
+    Args:
+        vertices: (V, 3).
+        matrix: (3, 3) of the camera.
+        distortion: (5,) k1, k2, p1, p2, k3.
+        width: columns of the picture.
+        height: rows.
+    """
+    z = np.where(vertices[:, 2] > 0.0, vertices[:, 2], np.nan)
+    x, y = vertices[:, 0] / z, vertices[:, 1] / z
+    k1, k2, p1, p2, k3 = distortion
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    bent = np.column_stack(
+        [
+            x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y,
+        ]
+    )
+    scale, middle = np.array([matrix[0, 0], matrix[1, 1]]), np.array([matrix[0, 2], matrix[1, 2]])
+    straight = np.column_stack([x, y]) * scale + middle
+    size = np.array([width, height], np.float64)
+    is_far = (np.abs(straight - 0.5 * size) > 0.8 * size).any(axis=1)
+    pixels: Floats = np.where(is_far[:, None], straight, bent * scale + middle)
+    return pixels
+
+
 def rasterise(
     vertices: Floats,
     pixels: Floats,
@@ -54,9 +83,10 @@ def rasterise(
     )
     det = np.einsum("fi,fi->f", corners[:, 0], sides[:, 0])
     low, high = pixels[faces].min(axis=1), pixels[faces].max(axis=1)
-    margin = 0.06 * (high - low).max(axis=1, keepdims=True)
-    start = np.maximum(np.floor(low - margin), 0.0)
-    end = np.minimum(np.ceil(high + margin), [width - 1, height - 1])
+    extent = (high - low).max(axis=1, keepdims=True)
+    margin = np.minimum(0.06 * extent, 0.02 + 0.002 * extent**2)
+    start = np.maximum(np.ceil(low - margin), 0.0)
+    end = np.minimum(np.floor(high + margin), [width - 1, height - 1])
     is_drawn = (corners[:, :, 2] > 1e-3).all(axis=1) & (start <= end).all(axis=1) & (det != 0.0)
     if is_closed:
         is_drawn &= det < 0.0
@@ -154,8 +184,10 @@ def paint(
     rotation: Floats,
     translation: Floats,
     texture: F32,
-    is_busy: NDArray[np.bool_],
-    block: int,
+    coarse: F32,
+    coarse_block: int,
+    fine: F32,
+    fine_block: int,
     origin_mm: Floats,
     texel_mm: float,
     samples: int,
@@ -172,8 +204,11 @@ def paint(
         rotation: (3, 3) body from camera.
         translation: (3,) of the same motion; the print lies on the body's z = 0.
         texture: (h, w) albedo.
-        is_busy: whether a block of texels, or one beside it, holds an edge; `compiled` samples only there.
-        block: side of a block, texels.
+        coarse: albedo of blocks of texels with nothing else in or beside them, NaN of the others; where there
+            is one, `compiled` does not sample.
+        coarse_block: side of such a block, texels.
+        fine: the same for smaller blocks.
+        fine_block: side of such a block, texels.
         origin_mm: (2,) the body's x and y at the texture's upper left edge.
         texel_mm: side of a texel.
         samples: as many squared are taken per pixel.
@@ -202,9 +237,7 @@ def paint(
 
 
 def shade(
-    box: tuple[int, int, int, int],
     owner: NDArray[np.int32],
-    first_face: int,
     normal: F32,
     albedo: F32,
     towards_lamp: Floats,
@@ -212,25 +245,21 @@ def shade(
     ambient_grey: float,
     seen: F32,
 ) -> None:
-    """What the room's light makes of a matte surface, for every triangle from `first_face` on.
+    """What the room's light makes of matte surfaces.
 
     Args:
-        box: where to look.
         owner: as `rasterise` left it.
-        first_face: number of the first triangle.
         normal: of every pixel.
         albedo: of every pixel.
         towards_lamp: (3,) unit vector.
         lamp_grey: grey levels of a white surface that faces the lamp.
         ambient_grey: grey levels of a white surface from all around.
-        seen: (H, W, 3) grey levels.
+        seen: (H, W, 3) grey levels, written where there is a surface.
     """
-    top, bottom, left, right = box
-    part = (slice(top, bottom), slice(left, right))
-    mine = owner[part] >= first_face
-    facing = normal[part][mine] @ towards_lamp.astype(np.float32)
+    is_seen = owner >= 0
+    facing = normal[is_seen] @ towards_lamp.astype(np.float32)
     amount = np.float32(ambient_grey) + np.float32(lamp_grey) * np.maximum(facing, 0.0)
-    seen[part][mine] = albedo[part][mine] * amount[:, None]
+    seen[is_seen] = albedo[is_seen] * amount[:, None]
 
 
 def cut(
@@ -294,11 +323,32 @@ def cut(
             reach[s, part] = np.minimum(reach[s, part], distance)
 
 
+def near(
+    rays: F32, depth: F32, plane: Floats, distance_mm: float, widest_mm: float
+) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Rows and columns (N,) of the pixels that see something near a sheet.
+
+    Args:
+        rays: of every pixel.
+        depth: of every pixel.
+        plane: (3,) normal of the sheet.
+        distance_mm: of the sheet from the camera centre.
+        widest_mm: what counts as near.
+    """
+    n = plane.astype(np.float32)
+    with np.errstate(invalid="ignore"):
+        ahead = (n[0] * rays[:, :, 0] + n[1] * rays[:, :, 1] + n[2]) * depth - np.float32(distance_mm)
+    rows, columns = np.nonzero(np.abs(ahead) <= np.float32(widest_mm))
+    return rows.astype(np.int32), columns.astype(np.int32)
+
+
 def light(
     rays: F32,
     depth: F32,
     normal: F32,
     albedo: F32,
+    rows: NDArray[np.int32],
+    columns: NDArray[np.int32],
     colour: F32,
     plane: Floats,
     distance_mm: float,
@@ -312,7 +362,7 @@ def light(
     focus_mm: float,
     focus_depth_mm: float,
     peak_grey: float,
-    irradiance: F32,
+    grey: F32,
 ) -> None:
     """Grey levels that a laser adds, without speckle.
 
@@ -324,6 +374,8 @@ def light(
         depth: of every pixel.
         normal: of every pixel.
         albedo: of every pixel.
+        rows: (N,) of the pixels near the sheet, from `near`.
+        columns: (N,) the same.
         colour: (3,) what of each channel's albedo counts.
         plane: (3,) normal of the sheet.
         distance_mm: of the sheet from the camera centre.
@@ -337,14 +389,10 @@ def light(
         focus_mm: distance of the focus from the source.
         focus_depth_mm: distance from the focus at which the sheet is sqrt(2) times as thick.
         peak_grey: on a white surface that faces the laser at the focus.
-        irradiance: (H, W), written where light arrives.
+        grey: (N,), written where light arrives.
     """
     per_rad = (reach.shape[1] - 1) / (2.0 * half_fan)
-    widest = 4.5 * sigma_mm * np.sqrt(1.0 + (focus_mm / focus_depth_mm) ** 2) + 0.05
-    near32 = rays[:, :, 0] * np.float32(plane[0]) + rays[:, :, 1] * np.float32(plane[1])
-    with np.errstate(invalid="ignore"):
-        near32 = np.abs((near32 + np.float32(plane[2])) * depth - np.float32(distance_mm))
-    v, u = np.nonzero(near32 <= np.float32(widest))
+    v, u = rows.astype(np.intp), columns.astype(np.intp)
     ray, across, down = _rays_about(rays, u, v)
     ray = np.column_stack([ray, np.ones(len(v))])
     z = depth[v, u].astype(np.float64)
@@ -376,51 +424,76 @@ def light(
         for b, weight_b in zip(_NODES, _WEIGHTS, strict=True):
             total += weight_a * weight_b * np.exp(-0.5 * ((q + a * qu + b * qv) / sigma) ** 2)
     tint = albedo[v, u] @ colour
-    grey = peak_grey * tint * total * facing * (focus_mm / distance) * (sigma_mm / sigma)
-    irradiance[v[is_lit], u[is_lit]] = grey[is_lit]
+    bright = peak_grey * tint * total * facing * (focus_mm / distance) * (sigma_mm / sigma)
+    grey[is_lit] = bright[is_lit]
+
+
+def speckle(
+    laser: F32,
+    tint: F32,
+    levels: F32,
+    seed: np.uint64,
+    first: int,
+    stride: int,
+    gathered: F32,
+) -> None:
+    """Add a laser's light to what the pixels of a part of the picture gather, each with a grain of speckle.
+
+    Every pixel's grain is a hash of the seed and its number (Steele et al. 2014, SplitMix64), so pictures do
+    not depend on the order in which they are made.
+
+    Args:
+        laser: (h, w) grey levels that it adds.
+        tint: (C,) how strongly each channel sees it.
+        levels: (65536,) quantiles of the speckle.
+        seed: of this picture.
+        first: number of the part's first pixel.
+        stride: from there to the first of its next row.
+        gathered: (h, w, C) grey levels.
+    """
+    v, u = np.nonzero(laser > 0.0)
+    grain = levels[_random(seed, (first + v * stride + u).astype(np.uint64)) & np.uint64(0xFFFF)]
+    gathered[v, u] += (laser[v, u] * grain)[:, None] * tint
 
 
 def expose(
     ambient: F32,
-    lasers: F32,
-    tints: F32,
+    amounts: F32,
+    gathered: F32,
+    top: int,
+    left: int,
     electrons_per_grey: float,
     read_variance: float,
-    normal_levels: F32,
-    speckle_levels: F32,
+    normals: F32,
     seed: np.uint64,
     image: NDArray[np.uint8],
 ) -> None:
-    """Light to grey values: speckle on the lasers' part, shot and read noise, rounding, clipping.
+    """Light to grey values: shot and read noise, rounding, clipping.
 
-    Every pixel's random numbers are a hash of the seed and its place (Steele et al. 2014, SplitMix64), so
-    pictures do not depend on the order in which they are made.
+    Every row takes its noise from another place of one long list of random numbers, which a hash of the seed
+    and the row chooses.
 
     Args:
-        ambient: (H, W, C) grey levels without laser.
-        lasers: (L, H, W) grey levels that each lit laser adds.
-        tints: (L, C) how strongly each channel sees each laser.
+        ambient: (H, W * C) grey levels without laser.
+        amounts: (W * C,) how much of them is gathered.
+        gathered: (h, w * C) what is gathered in a part of the picture, instead of that.
+        top: its first row.
+        left: its first column times C.
         electrons_per_grey: of the shot noise.
         read_variance: grey levels squared.
-        normal_levels: (65536,) quantiles of the normal distribution.
-        speckle_levels: (65536,) quantiles of the speckle.
+        normals: many numbers of the normal distribution.
         seed: of this picture.
-        image: (H, W, C) is written.
+        image: (H, W * C) is written.
     """
-    height, width, channels = ambient.shape
-    number = np.arange(height * width, dtype=np.uint64).reshape(height, width)
-    light_in = ambient.copy()
-    for n, laser in enumerate(lasers):
-        v, u = np.nonzero(laser > 0.0)
-        bits = _random(seed, np.uint64((n + 1) * height * width) + number[v, u])
-        grain = speckle_levels[bits & np.uint64(0xFFFF)]
-        light_in[v, u] += (laser[v, u] * grain)[:, None] * tints[n]
-    bits = _random(seed, number)
-    for c in range(channels):
-        level = normal_levels[(bits >> np.uint64(16 * c)) & np.uint64(0xFFFF)]
-        spread = np.sqrt(light_in[:, :, c] * np.float32(1.0 / electrons_per_grey) + np.float32(read_variance))
-        grey = light_in[:, :, c] + spread * level + np.float32(0.5)
-        image[:, :, c] = np.clip(grey, 0.0, 255.0).astype(np.uint8)
+    height, length = ambient.shape
+    most = np.uint64(len(normals) - length + 1)
+    start = (_random(seed, np.arange(height, dtype=np.uint64)) % most).astype(np.intp)
+    light_in = ambient * amounts
+    light_in[top : top + gathered.shape[0], left : left + gathered.shape[1]] = gathered
+    for v in range(height):
+        row, noise = light_in[v], normals[start[v] : start[v] + length]
+        spread = np.sqrt(row * np.float32(1.0 / electrons_per_grey) + np.float32(read_variance))
+        image[v] = np.clip(row + spread * noise + np.float32(0.5), 0.0, 255.0).astype(np.uint8)
 
 
 def _random(seed: np.uint64, number: NDArray[np.uint64]) -> NDArray[np.uint64]:
