@@ -20,6 +20,7 @@ _AT_ONCE = 8
 _LASERS: Mapping[str, Sequence[LaserChoice]] = {
     "fabscan": (LaserChoice("left", 1), LaserChoice("right", 0)),
     "fabscan100": (LaserChoice("left", 1),),
+    "marlin": (LaserChoice("left", 11), LaserChoice("right", 6)),
     "sardauscan": (LaserChoice("left", 0), LaserChoice("right", 1)),
 }
 

@@ -218,7 +218,7 @@ def _horus_awake(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
 
 def _grbl(ear: _Ear, heard: bytes, match: re.Match[bytes]) -> Identity:
     name, version = match[1].decode(), match[2].decode()
-    heard += ear.listen(_LOCK_LINE_S, lambda more, _: b"\n" in more)
+    heard += ear.listen(_LOCK_LINE_S, lambda more, _: b"unlock]" in more)
     return _board("grbl", f"{name} {version}", ear, _lock_note(heard, b""))
 
 

@@ -8,6 +8,7 @@ import threading
 from types import TracebackType
 from typing import Any, Self
 
+from app.devices.ports import resolve_port
 from app.devices.turntable import Farewell
 
 _BEAT_S = 0.5
@@ -38,8 +39,11 @@ class Watchdog:
         if farewell is not None:
             words = [(word.decode("latin-1"), wait_s) for word, wait_s in farewell.words]
             facts = {
-                "port": farewell.port, "baud": farewell.baud, "stop_bits": farewell.stop_bits, "words": words,
-            }  # fmt: skip
+                "port": resolve_port(farewell.port),
+                "baud": farewell.baud,
+                "stop_bits": farewell.stop_bits,
+                "words": words,
+            }
         self._tell({"guard": facts})
 
     def close(self) -> None:

@@ -53,6 +53,19 @@ class TestFabScan100(TurntableContract):
             table.finish_turning()
         assert plant_state(emulator).angle_deg == pytest.approx(stood, abs=0.01)
 
+    def test_during_a_steady_turn_the_laser_is_switched_and_another_move_refused(
+        self, table: Turntable, emulator: EmulatedPort
+    ) -> None:
+        table.start_turning(10.0, 10.0)
+        with pytest.raises(DeviceRefused, match="steady turn"):
+            table.move_to(90.0)
+        table.set_laser(1, True)
+        state = plant_state(emulator)
+        assert state.outputs_on
+        assert state.angle_deg < 10.0
+        table.set_laser(1, False)
+        assert table.finish_turning() == pytest.approx(10.0, abs=0.06)
+
     def test_too_fast_a_turn_is_refused(self, table: Turntable) -> None:
         with pytest.raises(DeviceRefused, match="cannot turn at 30") as told:
             table.start_turning(90.0, 30.0)

@@ -117,6 +117,7 @@ class FabScan100:
 
     def move_to(self, angle_deg: float) -> float:
         stops = self._stops
+        self._check_free()
         with self._link.dialogue():
             target = round((angle_deg - self._origin_deg) / 360.0 * self.steps_per_turn)
             self._settle()
@@ -141,6 +142,7 @@ class FabScan100:
                 f"cannot turn at {speed_deg_s:g} degrees per second",
                 f"Choose a speed above 0 and up to {fastest:g}.",
             )
+        self._check_free()
         with self._link.dialogue():
             self._settle()
             self._set_out(steps)
@@ -217,6 +219,10 @@ class FabScan100:
             self._settle()
             self._link.write(data)
             return " ".join(str(byte) for byte in self._link.listen(0.5))
+
+    def _check_free(self) -> None:
+        if self._turning is not None and self._turning.is_alive():
+            raise DeviceRefused(self.name, "is in a steady turn", "Wait for its end, or stop it.")
 
     def _recognise(self, heard: bytes) -> None:
         """Make sure who it is, without sending anything to a board that has said something else.
@@ -304,18 +310,19 @@ class FabScan100:
 
     def _pace(self, steps: int, rate: float, started_s: float, stops: int) -> None:
         """Thread: let out single steps as their time comes."""
-        way = 1 if steps > 0 else -1
-        sent = 0
+        way, total, sent = (1 if steps > 0 else -1), abs(steps), 0
         try:
-            with self._link.dialogue():
-                while sent < abs(steps):
-                    due = min(abs(steps), int((time.monotonic() - started_s) * rate))
-                    if due > sent:
-                        self._send(way * min(due - sent, _PIECE_STEPS), stops)
-                        sent += min(due - sent, _PIECE_STEPS)
-                    while self._pieces and (len(self._pieces) > _PIECES_AHEAD or sent == abs(steps)):
+            while sent < total or self._pieces:
+                # Between two beats a laser may be switched.
+                with self._link.dialogue():
+                    piece = min(total, int((time.monotonic() - started_s) * rate)) - sent
+                    if piece > 0:
+                        piece = min(piece, _PIECE_STEPS)
+                        self._send(way * piece, stops)
+                        sent += piece
+                    while self._pieces and (len(self._pieces) > _PIECES_AHEAD or sent == total):
                         self._await_piece()
-                    time.sleep(min(_BEAT_S, 1.0 / rate))
+                time.sleep(min(_BEAT_S, 1.0 / rate))
         except DeviceError as error:
             self._turn_error = error
 

@@ -22,6 +22,8 @@ class FabScan100(Firmware):
 
     baud = 9600
     buffer_size = 64
+    outputs = (0,)
+    channels = (1,)
 
     def __init__(self, plant: Plant) -> None:
         super().__init__(plant)

@@ -29,6 +29,7 @@ class Sardauscan(Firmware):
 
     buffer_size = 64
     steps_per_turn = 4072.0
+    outputs = channels = (0, 1, 2, 3)
     speed, acceleration = 500.0, 200.0
 
     def __init__(self, plant: Plant) -> None:
