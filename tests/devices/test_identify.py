@@ -4,6 +4,7 @@ import math
 import select
 import socket
 import threading
+import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -164,6 +165,8 @@ def _identified(case: Case, link: Path) -> Outcome:
                 earlier.read_until(b"help]\r\n")
                 earlier.write(case.told)
                 earlier.read_until(b"ok\r\n")
+            # The reset line of a port that is opened again at once does not fall.
+            time.sleep(0.2)
         if not case.resets:
             started_s = 8.0 if case.board == "marlin" else 1.6
             wait_until(lambda: emulator.clock.now_s() > started_s, timeout_s=20.0)
