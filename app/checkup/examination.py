@@ -1,6 +1,7 @@
 """What the checks share: the bench, and pictures of it that are taken once."""
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from app.scanning.sources import scan_detector
 from app.vision.stripe import Image, LaserStripe, LaserView
 
 _PICTURE_S = 5.0
+_UNTOLD_S = 0.5
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,18 +51,25 @@ class Examination:
         bench: connected as far as it can be.
         folder: where scans would go.
         calibration: of the bench, where there is one.
+        tell: told what is being done, for whoever waits.
+        patience_s: how much longer than the bench file says a picture may be under way: from a camera that
+            does not tell when it exposed, until its latency has been measured.
     """
 
     bench: Bench
     folder: Path
     calibration: CalibrationRecord | None = None
+    tell: Callable[[str], None] = lambda note: None
+    patience_s: float = _UNTOLD_S
     _looks: tuple[LaserLook, ...] | None = field(default=None, init=False)
     _room: Frame | None = field(default=None, init=False)
 
     def picture(self, use: Use) -> Frame:
         """A fresh one, exposed for a use."""
-        self.bench.camera.prepare(use)
-        return self.bench.camera.fresh_frame(timeout_s=_PICTURE_S)
+        camera = self.bench.camera
+        camera.prepare(use)
+        wait_s = 0.0 if camera.facts.has_timestamps else self.patience_s
+        return camera.fresh_frame(after_s=time.monotonic() + wait_s, timeout_s=_PICTURE_S + wait_s)
 
     @property
     def room(self) -> Frame:

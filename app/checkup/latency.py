@@ -71,6 +71,22 @@ class _Trial:
     after: Arrival
 
 
+def first_signal(bench: Bench, reader: RawReader) -> tuple[str, Signal] | None:
+    """A laser whose light is seen, however late its picture comes; None where there is none."""
+    channels = bench.turntable.facts.laser_channels
+    dark = reader.image(reader.grab_for(_LONGEST_S)[-1])
+    for laser, entry in bench.lasers.items():
+        if entry.channel not in channels:
+            continue
+        with bench.lit(laser):
+            lit = reader.image(reader.grab_for(_LONGEST_S)[-1])
+        signal = Signal.of(dark, lit)
+        if signal is not None:
+            reader.grab_for(_LONGEST_S)
+            return laser, signal
+    return None
+
+
 def measure_latency(
     bench: Bench, laser: str, signal: Signal, reader: RawReader, period_s: float
 ) -> Latency | None:

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from app.checkup.examination import LaserLook
 from app.devices.bench import Bench
 from app.devices.camera_driver import CameraDriver, RawFrame, pixels_of
 from app.devices.frame import Mounting, Use
@@ -53,14 +52,14 @@ class Signal:
     lit: float
 
     @classmethod
-    def of(cls, look: LaserLook) -> "Signal | None":
+    def of(cls, dark: Image, lit: Image) -> "Signal | None":
         """From one laser switched alone; None where it gives too little light to tell."""
-        gain = cv2.subtract(_grey(look.lit), _grey(look.dark))
+        gain = cv2.subtract(_grey(lit), _grey(dark))
         pixels = gain > max(_LEAST_GAIN, _BRIGHT_SHARE * float(gain.max()))
         if np.count_nonzero(pixels) < _FEWEST_PIXELS:
             return None
         mask = pixels.astype(np.uint8)
-        return cls(mask, _mean(look.dark, mask), _mean(look.lit, mask))
+        return cls(mask, _mean(dark, mask), _mean(lit, mask))
 
     def share(self, image: Image) -> float:
         """0 for dark, 1 for lit."""

@@ -79,6 +79,8 @@ def measure_turn(watch: "_Watch") -> Turn:
     Raises:
         UnmeasuredError: with what was in the way.
     """
+    tell = watch.exam.tell
+    tell("direction")
     home_deg = watch.approach(watch.angle_deg)
     before_deg, before = watch.nudge(home_deg - _NUDGE_DEG)
     at_deg, at = watch.nudge(home_deg)
@@ -101,12 +103,14 @@ def measure_turn(watch: "_Watch") -> Turn:
     better = turned_deg(watch.target, at, far, watch.camera) / (far_deg - at_deg)
     if not math.isfinite(better):
         raise UnmeasuredError(f"The {watch.target.name} went out of sight as the table turned.")
+    tell("one turn")
     closed_deg = _close(watch, sway, at_deg, at_deg + 360.0 / abs(better))
     return Turn(360.0 / (closed_deg - at_deg), better > 0.0, closed_deg, sway)
 
 
 def measure_play(watch: "_Watch", turn: Turn) -> float:
     """Degrees of the table between coming from one side and from the other."""
+    watch.exam.tell("play")
     from_below = watch.off_deg(turn, turn.closed_at_deg)
     watch.move(turn.closed_at_deg + _RUN_UP_DEG / turn.scale)
     reached_deg = watch.move(turn.closed_at_deg)
@@ -116,6 +120,7 @@ def measure_play(watch: "_Watch", turn: Turn) -> float:
 
 def measure_lost_steps(watch: "_Watch", turn: Turn) -> float:
     """Degrees of the table by which it is off after going there and back at full speed."""
+    watch.exam.tell("lost steps")
     before = watch.off_deg(turn, turn.closed_at_deg)
     for _ in range(_SWINGS):
         watch.move(turn.closed_at_deg + _SWING_DEG)

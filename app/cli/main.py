@@ -16,6 +16,7 @@ _COMMANDS = {
     "platter": "app.cli.board:platter_command",
     "calibrate": "app.cli.calibrate:calibrate_command",
     "devices": "app.cli.devices:devices_command",
+    "doctor": "app.cli.doctor:doctor_command",
     "scan": "app.cli.scan:scan_command",
     "reconstruct": "app.cli.reconstruct:reconstruct_command",
     "simulate": "app.cli.simulate:simulate_command",
