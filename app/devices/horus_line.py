@@ -11,6 +11,7 @@ from app.errors import DeviceError, DeviceRefused, DeviceTimeout
 REPLY_S = 1.5
 _STATUS_S = 0.6
 _BANNER_S = 2.0
+_QUIET_S = 0.03
 _POLL_S = 0.01
 _ASKS = 3
 
@@ -21,6 +22,9 @@ _EVENT = re.compile(
     rb"|Horus (?P<banner>[\d.]+) \['\$' for help\]\r\n"
 )
 _TEXT = re.compile(rb"(?s)(?P<text>.*?)(?:" + _EVENT.pattern + rb")")
+_VERSION = rb"\[\d[^\r\n]*\]\r\nok\r\n"
+_HELP = rb"ctrl-x \(reset\)\r\nok\r\n"
+_FEED = re.compile(r" F([\d.]+)")
 _ALARM_LOCK = "Alarm lock"
 
 
@@ -145,6 +149,9 @@ class HorusLine:
         ends = time.monotonic() + _BANNER_S
         while not self._next(ends - time.monotonic(), "\\x18")["banner"]:
             pass
+        # What follows at once is the banner of an earlier reset that was given up waiting for, or the hint
+        # of a locked board.
+        self.link.listen(_QUIET_S)
         self.has_told_feed, self.is_in_step = False, True
 
     def halt(self, brake_s: float) -> Status:
@@ -175,21 +182,39 @@ class HorusLine:
         """Throw outstanding answers away: the next ones belong to the next request. The board stands still.
 
         Raises:
-            BoardRestarted: a feed rate that it was told is forgotten.
+            BoardRestarted: it has, or a feed rate that it was told is forgotten.
         """
-        for _ in range(_ASKS):
-            self.link.discard()
-            self.link.write(b"$I\n")
+        self._ask_apart("$I", _VERSION, _STATUS_S)
+        feed = _FEED.search(self.request("$G"))
+        if self.has_told_feed and feed is not None and not float(feed[1]):
+            raise self._restarted()
+
+    def synchronise_clone(self, wait_s: float) -> None:
+        """As `synchronise`, for the clone, which answers in order and only its help differs from `ok`.
+
+        Args:
+            wait_s: how long the move under way may last.
+        """
+        self._ask_apart("$", _HELP, wait_s)
+
+    def _ask_apart(self, question: str, end: bytes, wait_s: float) -> None:
+        """Ask something whose answer is like no other."""
+        expected = re.compile(b"(" + BANNER.pattern + b")|" + end)
+        for number in range(_ASKS):
+            if BANNER.search(self.link.discard()):
+                raise self._restarted()
+            self.link.write(question.encode("ascii") + b"\n")
             try:
-                self.link.wait_for(re.compile(rb"\[\d[^\r\n]*\]\r\nok\r\n"), _STATUS_S, "$I")
+                found = self.link.wait_for(expected, wait_s, question)
             except DeviceTimeout:
                 continue
-            self.is_in_step = True
-            feed = re.search(r" F([\d.]+)", self.request("$G"))
-            if self.has_told_feed and feed is not None and not float(feed[1]):
+            if found[1]:
                 raise self._restarted()
+            if number and BANNER.search(self.link.listen(_QUIET_S)):
+                raise self._restarted()
+            self.is_in_step = True
             return
-        raise DeviceTimeout(self.link.device, "$I", _ASKS * _STATUS_S)
+        raise DeviceTimeout(self.link.device, question, _ASKS * wait_s)
 
     def _next(self, timeout_s: float, command: str) -> re.Match[bytes]:
         found = self.link.wait_for(_TEXT, timeout_s, command)

@@ -170,6 +170,20 @@ def test_a_board_that_resets_itself_at_rest_goes_on_where_it_stood(plug: Plug) -
 
 
 @pytest.mark.parametrize("board", [Horus, HorusClone])
+def test_a_board_that_is_asked_while_it_boots_is_known_to_have_restarted(
+    plug: Plug, board: type[Firmware]
+) -> None:
+    port = plug(board)
+    with connected(port) as table:
+        stood = table.move_to(36.0)
+        port.reset()
+        table.connect()
+        assert table.angle_deg == stood
+        reached = table.move_to(54.0)
+        assert plant_state(port).angle_deg == pytest.approx(reached, abs=1e-6)
+
+
+@pytest.mark.parametrize("board", [Horus, HorusClone])
 def test_a_board_that_resets_itself_in_mid_move_does_not_know_where_it_is(
     plug: Plug, board: type[Firmware]
 ) -> None:
@@ -333,6 +347,22 @@ def test_a_clone_is_stopped_between_the_pieces_of_a_move(plug: Plug) -> None:
         assert isinstance(mover.error, MoveStopped)
         assert stood < 90.0
         assert plant_state(port).angle_deg == pytest.approx(stood, abs=1e-6)
+
+
+def test_a_clone_that_was_not_heard_counts_anew_where_it_is_said_to_stand(plug: Plug) -> None:
+    port = plug(HorusClone)
+    with connected(port) as table:
+        table.move_to(9.0)
+        port.silence(600.0)
+        with pytest.raises(DeviceTimeout):
+            table.move_to(25.0)
+        port.silence(0.0)
+        with pytest.raises(PositionUnknown):
+            table.connect()
+        table.zero(25.0)
+        start = plant_state(port).angle_deg
+        turned = table.move_to(40.0) - 25.0
+        assert plant_state(port).angle_deg - start == pytest.approx(turned)
 
 
 def test_a_clone_counts_anew_before_its_16_bits_overflow(plug: Plug) -> None:

@@ -365,10 +365,11 @@ class HorusTable:
 
     def _come_to_rest(self) -> None:
         if self._kind.is_clone:
-            # The clone answers in order: its banner comes behind all that was under way.
-            self._line.reset()
+            self._line.synchronise_clone(self._kind.seconds(self._kind.piece_deg, 0.0) + REPLY_S)
             if self._travel is not None:
-                self._unknown = PositionUnknown(self.name, min(self._travel), max(self._travel))
+                # It has made the move or not; either way its count begins anew here.
+                self._begin_anew()
+                self._line.request("G50")
         else:
             at = self._standing_at()
             if self._travel is None:

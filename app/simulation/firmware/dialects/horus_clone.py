@@ -13,6 +13,22 @@ _STEPS_PER_POSITION = 4
 # Steps/s and steps/s²; F is not looked at.
 _SPEED, _ACCELERATION = 500.0, 200.0
 _BANNER = "\r\nHorus 0.2 ['$' for help]\r\n"
+# Its answer to `$`, which it copies from the board that it imitates.
+_HELP = (
+    "$$ (view settings)",
+    "$# (view # parameters)",
+    "$G (view parser state)",
+    "$I (view build info)",
+    "$N (view startup blocks)",
+    "$x=value (save setting)",
+    "$Nx=line (save startup block)",
+    "$C (check gcode mode)",
+    "$X (kill alarm lock)",
+    "~ (cycle start)",
+    "! (feed hold)",
+    "? (current status)",
+    "ctrl-x (reset)",
+)
 _LASERS = {"1": 0, "2": 1}
 _NUMBER = re.compile(r"\s*([+-]?\d+)")
 
@@ -52,7 +68,9 @@ class HorusClone(Firmware):
                 line += character
 
     def _execute(self, line: str) -> Generator[float, None, None]:
-        if line.startswith("G50"):
+        if line == "$":
+            self.say("".join(f"{text}\r\n" for text in _HELP))
+        elif line.startswith("G50"):
             self._position = 0
         elif line.startswith(("M17", "M18")):
             self.plant.hold(line.startswith("M17"), self.now_s)
