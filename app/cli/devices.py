@@ -1,5 +1,6 @@
 """`turnscan devices`: what is plugged in, what it is, and a first bench file for it."""
 
+import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -58,13 +59,21 @@ def devices_command(
     """
     if write is not None:
         _check_new(write)
-    ports = [SerialPort(name, name) for name in port] if port else serial_ports()
+    ports = serial_ports()
+    if port:
+        ports = [_named(name, ports) for name in port]
     boards = [_Board(each, None) for each in ports] if names_only else _identified(ports)
     cameras = found_cameras()
-    say(_board_lines(boards, is_named=bool(port)))
+    say(_board_lines(boards))
     say(_camera_lines(cameras))
     if write is not None:
         _write(write, [board for board in boards if board.is_usable], cameras)
+
+
+def _named(name: str, listed: Sequence[SerialPort]) -> SerialPort:
+    """A port that was typed in, with what is known of it where it is listed under another name."""
+    target = os.path.realpath(name)
+    return next((port for port in listed if target == os.path.realpath(port.path)), SerialPort(name, name))
 
 
 def _identified(ports: Sequence[SerialPort]) -> list[_Board]:
@@ -82,7 +91,7 @@ def _identify(port: SerialPort) -> _Board:
         return _Board(port, None, error)
 
 
-def _board_lines(boards: Sequence[_Board], *, is_named: bool) -> list[str]:
+def _board_lines(boards: Sequence[_Board]) -> list[str]:
     if not boards:
         return [
             "Boards: no serial port has an adapter behind it.",
@@ -93,11 +102,10 @@ def _board_lines(boards: Sequence[_Board], *, is_named: bool) -> list[str]:
     for board in boards:
         port = board.port
         lines.append(f"  {port.stable_name}")
-        if not is_named:
-            told = [port.path if port.path != port.stable_name else "", port.description, _usb(port.usb_id)]
-            if port.serial_number:
-                told.append(f"serial number {port.serial_number}")
-            lines += _detail(", ".join(word for word in told if word))
+        told = [port.path if port.path != port.stable_name else "", port.description, _usb(port.usb_id)]
+        if port.serial_number:
+            told.append(f"serial number {port.serial_number}")
+        lines += _detail(", ".join(word for word in told if word))
         lines += _findings(board)
     return lines
 

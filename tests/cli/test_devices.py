@@ -57,6 +57,16 @@ def test_a_port_that_is_typed_in_is_asked(bare: pytest.MonkeyPatch, sardauscan: 
     assert f'{sardauscan} Sardauscan 0.1a at 115200 baud, driver "sardauscan"' in ended.said
 
 
+def test_a_node_that_is_typed_in_is_written_under_its_lasting_name(
+    bare: pytest.MonkeyPatch, sardauscan: str, tmp_path: Path
+) -> None:
+    listed = SerialPort(sardauscan, "/dev/serial/by-id/usb-FTDI_A5", "FT232R", (0x0403, 0x6001), "A5")
+    bare.setattr(devices, "serial_ports", lambda: [listed])
+    node = str(Path(sardauscan).resolve())
+    assert turnscan("devices", "--port", node, "--write", tmp_path / "bench.toml").code == 0
+    assert read_bench_file(tmp_path / "bench.toml").turntable.options == {"port": listed.stable_name}
+
+
 def test_boards_and_cameras_are_listed_with_all_their_names(
     bare: pytest.MonkeyPatch, sardauscan: str, tmp_path: Path
 ) -> None:

@@ -88,6 +88,7 @@ class Case:
         board: name of the emulated dialect, or the class.
         options: of the dialect.
         told: lines that it was told earlier, and keeps.
+        noise: when, in seconds after opening, how many random bytes come.
         resets: whether opening the port starts it anew; one that does not is awake, with a laser on.
         usb_id: of its adapter.
     """
@@ -97,6 +98,7 @@ class Case:
     board: str | type[Firmware]
     options: Mapping[str, object] = field(default_factory=dict)
     told: bytes = b""
+    noise: tuple[float, int] | None = None
     resets: bool = True
     usb_id: tuple[int, int] | None = None
 
@@ -124,6 +126,9 @@ CASES = {
     "fabscan awake": Case("fabscan", "FabScanPi v.20210318", "fabscan", resets=False),
     "fabscan at 57600": Case("fabscan", "FabScanPi v.20170701", "fabscan", _57600_FABSCAN),
     "fabscan at 115200": Case("fabscan", "FabScanPi v.20160101", "fabscan", _OLD_FABSCAN),
+    "fabscan with a click": Case("fabscan", "FabScanPi v.20210318", "fabscan", noise=(0.1, 2)),
+    "fabscan with noise": Case("fabscan", "FabScanPi v.20210318", "fabscan", noise=(0.6, 9), resets=False),
+    "horus with a click": Case("horus", "Horus 0.2", "horus", noise=(0.1, 3)),
     "sardauscan": Case("sardauscan", "Sardauscan 0.1a", "sardauscan"),
     "sardauscan awake": Case("sardauscan", "Sardauscan", "sardauscan", resets=False),
     "fabscan100": Case("fabscan100", "FabScan100", "fabscan100"),
@@ -172,6 +177,8 @@ def _identified(case: Case, link: Path) -> Outcome:
             wait_until(lambda: emulator.clock.now_s() > started_s, timeout_s=20.0)
             plant.switch(0, True, emulator.clock.now_s())
         before = len(plant.events)
+        if case.noise is not None:
+            threading.Timer(case.noise[0], emulator.garbage, [case.noise[1]]).start()
         identity = identify(str(link), case.usb_id)
         return Outcome(identity, tuple(plant.events)[before:], firmware.baud)
 
