@@ -12,6 +12,7 @@ from app.devices.camera_controls import lacks
 from app.devices.camera_driver import CAMERAS, CameraFacts, Control, ControlName, RawFrame
 from app.devices.capture_controls import Capture
 from app.devices.http_pictures import Address, HttpPictures, shown
+from app.devices.opencv_quiet import opencv_quiet
 from app.devices.reading_thread import BlockingSource, ReadingThread
 from app.errors import DeviceError, DeviceLost, DeviceNotFound, DeviceUnrecognised
 from app.recording.picture import inspect
@@ -111,7 +112,7 @@ class UrlCamera:
         wishes = [
             cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, timeout_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, timeout_ms,
         ]  # fmt: skip
-        with _quiet_ffmpeg():
+        with opencv_quiet(), _for_live_video():
             capture = self._open_capture(self._address.url, cv2.CAP_FFMPEG, wishes)
         if not capture.isOpened():
             capture.release()
@@ -152,16 +153,13 @@ class _NetworkVideo:
 
 
 @contextlib.contextmanager
-def _quiet_ffmpeg() -> Iterator[None]:
-    """Its options come from the environment alone; and it would print the address with its password."""
+def _for_live_video() -> Iterator[None]:
+    """FFmpeg's options come from the environment alone."""
     before = os.environ.get("OPENCV_FFMPEG_CAPTURE_OPTIONS")
-    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
     os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"] = before or _FFMPEG_OPTIONS
-    level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
     try:
         yield
     finally:
-        cv2.utils.logging.setLogLevel(level)
         if before is None:
             del os.environ["OPENCV_FFMPEG_CAPTURE_OPTIONS"]
 

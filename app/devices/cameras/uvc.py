@@ -13,6 +13,7 @@ import numpy as np
 from app.devices.camera_driver import CAMERAS, CameraFacts, Control, ControlName, RawFrame
 from app.devices.capture_controls import BACKENDS, Backend, Capture, CaptureControls
 from app.devices.jpeg import whole_jpeg
+from app.devices.opencv_quiet import opencv_quiet
 from app.devices.reading_thread import ReadingThread
 from app.devices.video_nodes import VideoNode, VideoNodes, control_ranges
 from app.errors import DeviceDenied, DeviceError, DeviceLost, DeviceNotFound, DeviceUnrecognised, OptionError
@@ -156,11 +157,8 @@ class UvcCamera:
     def _open(self, target: int | str, node: VideoNode | None) -> "_Webcam":
         # Read by OpenCV when it first waits in vain; ten seconds would be its own choice.
         os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "2")
-        level = cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
-        try:
+        with opencv_quiet():
             capture = self._open_capture(target, self._backend.api)
-        finally:
-            cv2.utils.logging.setLogLevel(level)
         if not capture.isOpened():
             capture.release()
             raise self._refusal(target)
