@@ -7,6 +7,7 @@ import time
 from dataclasses import dataclass
 
 from app.devices.fabscan_dialogue import BOOT_S, FabScanDialogue
+from app.devices.overtaking import overtaking
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
 from app.errors import (
     DeviceError,
@@ -30,7 +31,6 @@ _STEP_BACK_SPEED = 400
 _PIECE_S = 0.5
 _SLACK_S = 2.0
 _BUSY_WAIT_S = 3600.0
-_OVERTAKE_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -180,7 +180,7 @@ class FabScan:
     def stop(self) -> float:
         self._stops += 1
         if self._turn is not None:
-            with self._overtaking():
+            with overtaking(self._board.link):
                 if self._turn is not None:
                     self._reopen()
         with self._board.link.dialogue(wait_s=_BUSY_WAIT_S):
@@ -255,14 +255,6 @@ class FabScan:
             stack.enter_context(self._board.link.dialogue(wait_s=_BUSY_WAIT_S))
             self._finish_turn()
             return stack.pop_all()
-
-    def _overtaking(self) -> contextlib.ExitStack:
-        """A dialogue for which whoever waits for the end of a turn gives up, now or in a moment."""
-        while True:
-            self._board.link.interrupt()
-            with contextlib.suppress(DeviceError), contextlib.ExitStack() as stack:
-                stack.enter_context(self._board.link.dialogue(wait_s=_OVERTAKE_S))
-                return stack.pop_all()
 
     def _prepare(self, steps: int) -> None:
         """The board may have reset itself in silence: motor off, and the next step forwards a wrong one."""

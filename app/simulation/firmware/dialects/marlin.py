@@ -149,7 +149,9 @@ class Marlin(Firmware):
 
     def _m18(self, words: Words) -> Answer:
         yield from self._wait_for_moves()
-        self.plant.hold(False, self.now_s)
+        # With S it only says when motors are let go by themselves.
+        if "S" not in words:
+            self.plant.hold(False, self.now_s)
         return _OK
 
     _m84 = _m18
