@@ -78,11 +78,14 @@ def scan_command(
     description = bench_description(bench or ("" if session is None else session.bench_spec))
     with orderly(), contextlib.ExitStack() as stack:
         try:
-            machine = stack.enter_context(Bench.build(description))
+            machine = stack.enter_context(Bench.build(description, ask=_ask))
             machine.connect()
             record = calibration_for(machine, calibration)
             if session is None:
                 names = tuple(laser or machine.lasers)
+                facts = machine.turntable.facts
+                if facts.turns_by_itself:
+                    mode, seconds_per_turn = _Mode.CONTINUOUS, 360.0 / facts.slowest_deg_s
                 _check_lasers(machine, names, record)
                 plan = ScanPlan(
                     mode=mode.value, lasers=names, steps=steps, turn_deg=turn, with_dark=not no_dark,
@@ -142,16 +145,24 @@ class _Progress:
         say(["It is back; the scan goes on."])
 
 
+def _ask(what: str) -> None:
+    """Have a person do something, and wait for the Enter key."""
+    say([what])
+    console.input("[dim]Press Enter when it is done.[/] ")
+
+
 def _scan(bench: Bench, session: ScanSession, record: CalibrationRecord | None, recovery: Recovery) -> None:
     with contextlib.ExitStack() as stack:
         live: LivePoints | None = None
         rig = _rig_of(record)
+        has_partners = session.plan.mode == "step" and session.plan.with_dark
         if rig is not None:
             way = math.radians(1.0 if bench.description.turntable.direction == "ccw" else -1.0)
             live = stack.enter_context(
                 LivePoints(
                     rig, scan_detector(), {name: entry.colour for name, entry in bench.lasers.items()},
                     lambda angle_deg: way * angle_deg,
+                    is_grey=has_partners and bench.camera.facts.gives_jpeg,
                 )
             )  # fmt: skip
         show = stack.enter_context(progress_bar())

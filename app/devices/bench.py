@@ -12,7 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from app.devices.bench_file import SIMULATED, BenchDescription, CameraEntry, LaserEntry
+from app.devices.bench_file import BenchDescription, CameraEntry, DriverEntry, LaserEntry
 from app.devices.camera import Camera, CameraSettings, CameraState
 from app.devices.camera_driver import CAMERAS
 from app.devices.frame import Use
@@ -20,6 +20,7 @@ from app.devices.turntable import TURNTABLES, Turntable
 from app.devices.watchdog import Watchdog
 from app.documents import Json
 from app.errors import BenchBusy, BenchFileError, DeviceError, DeviceLost, OptionError, PositionUnknown
+from app.registry import Registry
 from app.simulation.world import SimulatedWorld, WorldPlan
 
 _LEASE_WAIT_S = 5.0
@@ -70,6 +71,7 @@ class Bench:
         *,
         world: SimulatedWorld | None = None,
         folder: "tempfile.TemporaryDirectory[str] | None" = None,
+        lit: dict[str, None] | None = None,
     ) -> None:
         self.description, self.turntable, self.camera, self.world = description, turntable, camera, world
         self.lasers: Mapping[str, LaserEntry] = {laser.name: laser for laser in description.lasers}
@@ -78,26 +80,32 @@ class Bench:
         self._lock = threading.Lock()
         self._lease = threading.Semaphore()
         self._holder = ""
-        self._lit: dict[str, None] = {}
+        self._lit: dict[str, None] = {} if lit is None else lit
         self._problems: dict[str, str] = {}
         self._where: PositionUnknown | None = None
 
     @classmethod
-    def build(cls, description: BenchDescription) -> Self:
+    def build(cls, description: BenchDescription, *, ask: Callable[[str], None] | None = None) -> Self:
         """The devices that a bench file names, not connected yet.
+
+        Args:
+            description: of the bench.
+            ask: tells a person what to do, and returns when it is done; for tables that are turned by hand.
 
         Raises:
             OptionError, BenchFileError: a driver or an option does not exist.
         """
         folder, world = None, None
+        lit: dict[str, None] = {}
         if description.is_simulated:
             plan = world_plan(description)
             folder = tempfile.TemporaryDirectory(prefix="turnscan-", ignore_cleanup_errors=True)
         try:
             if folder is not None:
                 world = SimulatedWorld(plan, Path(folder.name))
-            turntable = _made(TURNTABLES, description.turntable.driver, description.turntable.options, world)
-            driver = _made(CAMERAS, description.camera.driver, description.camera.options, world)
+            table: Turntable = _made(TURNTABLES, description.turntable, world, ask)
+            # A camera that plays back a recording shows what fits the table and the lasers.
+            driver = _made(CAMERAS, description.camera, world, lambda: (table.angle_deg, tuple(lit)))
         except BaseException:
             if world is not None:
                 world.close()
@@ -105,7 +113,7 @@ class Bench:
                 folder.cleanup()
             raise
         camera = _camera(driver, description.camera)
-        return cls(description, turntable, camera, world=world, folder=folder)
+        return cls(description, table, camera, world=world, folder=folder, lit=lit)
 
     def connect(self) -> None:
         """Connect whatever is not connected; tries both before it complains about one.
@@ -352,16 +360,18 @@ def _camera(driver: Any, entry: CameraEntry) -> Camera:
     )
 
 
-def _made(registry: Any, driver: str, options: Json, world: SimulatedWorld | None) -> Any:
+def _made(registry: Registry[Any], entry: DriverEntry, world: SimulatedWorld | None, ask: Any) -> Any:
     """A device by name; an option that its driver does not take is named."""
-    maker = registry.maker(driver)
+    maker = registry.maker(entry.driver)
     taken = inspect.signature(maker).parameters
-    for key in options:
-        if key not in taken or key == "world":
-            known = ", ".join(name for name in taken if name not in ("world", "self"))
-            raise OptionError(f"The {registry.kind} {driver!r} has no option {key!r}.", f"It takes: {known}.")
-    given = dict(options) | ({"world": world} if driver == SIMULATED else {})
+    injected = {name: value for name, value in (("world", world), ("ask", ask)) if name in taken}
+    for key in entry.options:
+        if key not in taken or key in injected:
+            known = ", ".join(name for name in taken if name not in injected) or "none"
+            raise OptionError(
+                f"The {registry.kind} {entry.driver!r} has no option {key!r}.", f"It takes: {known}."
+            )
     try:
-        return maker(**given)
+        return maker(**entry.options, **injected)
     except TypeError as error:
-        raise OptionError(f"The {registry.kind} {driver!r} cannot be built: {error}.") from error
+        raise OptionError(f"The {registry.kind} {entry.driver!r} cannot be built: {error}.") from error

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from app.devices.serial_link import SerialLink
 from app.errors import DeviceError, DeviceRefused, DeviceTimeout
 
-REPLY_S = 1.5
+# A laser whose command is not answered must not burn on while somebody waits.
+REPLY_S = 0.5
 _STATUS_S = 0.6
 _BANNER_S = 2.0
 _QUIET_S = 0.03

@@ -20,6 +20,8 @@ class TurntableFacts:
         can_turn_steadily: whether it can turn at a speed that is asked for, for a continuous scan.
         tells_position: whether it can be asked where it is while it moves.
         can_stop: whether a move can be stopped.
+        turns_by_itself: it turns all the time at its one speed, and cannot be sent anywhere.
+        lasers_by_hand: a person switches the lasers, and would rather not do so for every picture.
     """
 
     firmware: str
@@ -31,6 +33,8 @@ class TurntableFacts:
     can_turn_steadily: bool = True
     tells_position: bool = False
     can_stop: bool = True
+    turns_by_itself: bool = False
+    lasers_by_hand: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,11 @@ class LivePoints:
 
     Pictures that come faster than they can be computed are left out and counted; the recording has them.
 
+    Args:
+        rig, detector, colours, turn_rad, options, platter, layout: as for `reconstruct_shots`.
+        on_profile: told each profile, in the thread that computes.
+        is_grey: lit pictures have dark partners and come as JPEG, which is decoded to grey as from a disk.
+
     Attributes:
         points: so far.
         profiles: so far.
@@ -40,6 +45,7 @@ class LivePoints:
         turn_rad: Callable[[float], float],
         *,
         on_profile: Callable[[Profile], None] | None = None,
+        is_grey: bool = False,
         options: ReconstructionOptions | None = None,
         platter: PlatterSpec | None = None,
         layout: MarkerLayout | None = None,
@@ -47,7 +53,7 @@ class LivePoints:
         self.points = self.profiles = self.left_out = 0
         self.problem = ""
         self._has_all = False
-        self._on_profile = on_profile
+        self._on_profile, self._is_grey = on_profile, is_grey
         self._waiting: queue.Queue[Taken | None] = queue.Queue(_MOST_WAITING)
         options = options or ReconstructionOptions(ahead=0, with_colour=False)
         self._run = reconstruct_shots(
@@ -79,7 +85,7 @@ class LivePoints:
     def _shots(self) -> Iterator[Shot]:
         while (taken := self._waiting.get()) is not None:
             yield Shot(
-                taken.frame.image(), taken.look.role, taken.look.lasers, taken.angle_deg,
+                taken.frame.image(grey=self._is_grey), taken.look.role, taken.look.lasers, taken.angle_deg,
                 time_s=taken.time_s, exposure_us=taken.frame.exposure_us, name=f"stop {taken.stop}",
             )  # fmt: skip
         self._has_all = True

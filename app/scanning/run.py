@@ -74,7 +74,7 @@ def run_scan(bench: Bench, session: ScanSession, watch: Watch, recovery: Recover
                 _make_safe(bench, session)
         return session.finish()
     except BaseException as error:
-        session.pause(str(error) or type(error).__name__)
+        session.pause(str(error) or "it was stopped")
         raise
 
 
@@ -93,6 +93,8 @@ def place_table(
         PositionUnknown: the table was moving, and nothing shows where it is.
     """
     table = session.table
+    if bench.turntable.facts.turns_by_itself and session.shots:
+        raise PositionUnknown(bench.description.turntable.driver, 0.0, 360.0)
     with bench.lease("a scan"):
         if table.moving_to_deg is None or table.moving_to_deg == table.angle_deg:
             bench.zero(table.angle_deg)

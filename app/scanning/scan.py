@@ -1,7 +1,9 @@
 """The capture loop: pictures from the bench, each with what the rig did while it was taken."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 
 from app.devices.bench import Bench
@@ -57,16 +59,18 @@ def scan_steps(
         DeviceError: a device failed; the lasers are off, and the same call goes on where this one ended.
     """
     bench.turntable.hold(True)
-    for stop in range(plan.steps):
-        looks = [look for look in plan.looks(stop) if not is_taken(stop, look)]
-        if not looks:
-            continue
-        before_move(plan.angle_deg(stop))
-        angle_deg = bench.turntable.move_to(plan.angle_deg(stop))
-        time.sleep(bench.description.turntable.settle_s)
-        for look in looks:
-            frame = _photographed(bench, look)
-            yield Taken(frame.encoded(), frame, look, stop, angle_deg, _middle_s(frame))
+    stays_lit = bench.turntable.facts.lasers_by_hand and plan.shots == plan.steps
+    with bench.lit(*plan.lasers) if stays_lit else nullcontext():
+        for stop in range(plan.steps):
+            looks = [look for look in plan.looks(stop) if not is_taken(stop, look)]
+            if not looks:
+                continue
+            before_move(plan.angle_deg(stop))
+            angle_deg = bench.turntable.move_to(plan.angle_deg(stop))
+            time.sleep(bench.description.turntable.settle_s)
+            for look in looks:
+                frame = _photographed(bench, look, is_lit=stays_lit)
+                yield Taken(frame.encoded(), frame, look, stop, angle_deg, _middle_s(frame))
 
 
 def scan_steadily(
@@ -107,17 +111,22 @@ def _one_turn(
     table, camera = bench.turntable, bench.camera
     camera.prepare(Use.LASER if look.lasers else Use.TEXTURE)
     start_deg, ends_deg = from_deg - plan.run_in_deg, begins_deg + plan.turn_deg
-    before_move(start_deg)
-    table.move_to(start_deg)
-    before_move(ends_deg + plan.run_in_deg)
+    if not table.facts.turns_by_itself:
+        before_move(start_deg)
+        table.move_to(start_deg)
+        before_move(ends_deg + plan.run_in_deg)
     with camera.stream(patience_s=_PICTURE_S) as stream, bench.lit(*look.lasers):
         turn = table.start_turning(ends_deg + plan.run_in_deg - start_deg, plan.speed_deg_s)
         with follow(table, turn) as angle:
+            if table.facts.turns_by_itself:
+                # It has turned on meanwhile: the same place comes by again, some turns later.
+                angle.offset_deg -= 360.0 * math.ceil((table.angle_deg - start_deg) / 360.0)
             wanted = _between(bench, stream, angle, from_deg, ends_deg)
             for frame, data in ordered_map(lambda frame: (frame, frame.encoded("jpeg")), wanted, _DEVELOPERS):
                 middle_s = _middle_s(frame)
                 yield Taken(data, frame, look, frame.index, angle.at(middle_s), middle_s)
-    table.finish_turning()
+    if not table.facts.turns_by_itself:
+        table.finish_turning()
 
 
 def _between(
@@ -137,10 +146,10 @@ def _between(
             yield frame
 
 
-def _photographed(bench: Bench, look: Look) -> Frame:
+def _photographed(bench: Bench, look: Look, *, is_lit: bool) -> Frame:
     bench.camera.prepare(Use.TEXTURE if look.for_colour else Use.LASER)
     timeout_s = _PICTURE_S + _PICTURE_PERIODS / max(bench.camera.facts.fps, 1.0)
-    with bench.lit(*look.lasers):
+    with nullcontext() if is_lit else bench.lit(*look.lasers):
         return bench.camera.fresh_frame(timeout_s=timeout_s)
 
 

@@ -41,7 +41,7 @@ class SteadyAngle:
 def follow(table: Turntable, turn: SteadyTurn) -> Iterator[SteadyAngle]:
     """The angle of a turn under way. The board is asked where it is during the run-in only."""
     angle = SteadyAngle(turn)
-    if not table.facts.tells_position:
+    if not table.facts.tells_position or table.facts.turns_by_itself:
         yield angle
         return
     is_over = threading.Event()

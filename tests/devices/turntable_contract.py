@@ -125,6 +125,19 @@ class TurntableContract:
         reached = table.move_to(0.0)
         assert plant_state(emulator).angle_deg == pytest.approx(reached, abs=table.facts.smallest_deg)
 
+    def test_two_may_stop_it_at_once(self, table: Turntable, emulator: EmulatedPort) -> None:
+        if not table.facts.can_stop:
+            pytest.skip("this board cannot stop a move")
+        mover = _Move(table, 300.0)
+        wait_until(lambda: plant_state(emulator).angle_deg > 20.0)
+        stopper = threading.Thread(target=table.make_safe, daemon=True)
+        stopper.start()
+        stood = table.stop()
+        stopper.join(30.0)
+        mover.join()
+        assert not stopper.is_alive()
+        assert plant_state(emulator).angle_deg == pytest.approx(stood, abs=table.facts.smallest_deg)
+
     def test_an_unplugged_board_is_lost_and_comes_back_where_it_was(
         self, table: Turntable, emulator: EmulatedPort
     ) -> None:

@@ -194,11 +194,13 @@ class HorusTable:
         return None if status is None else self._origin_deg + status.x_deg
 
     def stop(self) -> float:
-        self._interrupt()
-        with self._link.dialogue(wait_s=_PATIENCE_S):
-            self._turn = None
-            self._settle()
-        return self.angle_deg
+        while True:
+            self._interrupt()
+            # Somebody else may be stopping it at the same time, and interrupt this one.
+            with contextlib.suppress(MoveStopped), self._link.dialogue(wait_s=_PATIENCE_S):
+                self._turn = None
+                self._settle()
+                return self.angle_deg
 
     def zero(self, angle_deg: float = 0.0) -> None:
         with self._link.dialogue(wait_s=_PATIENCE_S):

@@ -63,6 +63,8 @@ class ManualTurntable:
             can_turn_steadily=speed > 0.0,
             tells_position=speed > 0.0,
             can_stop=False,
+            turns_by_itself=speed > 0.0,
+            lasers_by_hand=not self.are_lasers_always_on,
         )
 
     @property
