@@ -3,6 +3,7 @@
 Nothing is evaluated: a placeholder is a name from a list, and what goes in is a number.
 """
 
+import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -106,6 +107,45 @@ def parse_answer(field: str, text: str, *, groups: int | None = None) -> str:
             f"The template's field {field!r} must have one pair of round brackets, around the number."
         )
     return text
+
+
+def parse_plain(field: str, text: str) -> CommandTemplate:
+    """A command without placeholders. Raises as `parse_template`."""
+    return parse_template(field, text, ())
+
+
+def check_texts(fields: Mapping[str, object]) -> None:
+    """Options that must be text; as all of these, raises `OptionError` naming the field."""
+    for field, text in fields.items():
+        if not isinstance(text, str):
+            raise OptionError(f"The template's field {field!r} must be text, not {text!r}.")
+
+
+def check_present(fields: Mapping[str, str]) -> None:
+    """Options that no template can do without."""
+    for field, text in fields.items():
+        if not text:
+            raise OptionError(f"The template's field {field!r} is missing.", "A template needs it.")
+
+
+def check_pairs(pairs: Mapping[str, tuple[str, str]]) -> None:
+    """Two options, named with a space between them, that make sense only together."""
+    for fields, (first, second) in pairs.items():
+        if bool(first) != bool(second):
+            given, lacking = fields.split() if first else reversed(fields.split())
+            raise OptionError(
+                f"The template's field {lacking!r} is missing.", f"It belongs to {given!r}, which is there."
+            )
+
+
+def check_numbers(fields: Mapping[str, float], *, or_zero: bool = False) -> None:
+    """Options that must be positive and finite."""
+    for field, value in fields.items():
+        is_fine = isinstance(value, int | float) and math.isfinite(value)
+        if not is_fine or value < 0.0 or (value == 0.0 and not or_zero):
+            raise OptionError(
+                f"The template's field {field!r} cannot be {value!r}.", "Give a positive number."
+            )
 
 
 def _written(value: float, decimals: int) -> str:

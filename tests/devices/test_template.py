@@ -1,6 +1,6 @@
 """The driver that is typed in, on a home-made board, and templates that cannot work."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -110,6 +110,20 @@ def test_a_board_that_cannot_tell_where_it_stopped_says_so(tmp_path: Path) -> No
         assert table.angle_deg == true
 
 
+def test_half_a_number_is_not_taken_for_the_position(tmp_path: Path) -> None:
+    class Hesitant(Plain):
+        def _obey(self, word: str, numbers: list[str]) -> Generator[float, None, str]:
+            if word == "WHERE":
+                self.say("AT 1")
+                yield from self.sleep(1.0)
+                return "2.000"
+            return (yield from super()._obey(word, numbers))
+
+    with _connected(tmp_path, _FULL, Hesitant) as (table, _):
+        table.talk("HELLO")
+        assert table._at == round(12.0 * 80.0 / 9.0)
+
+
 @pytest.mark.parametrize(
     ("change", "field"),
     [
@@ -157,8 +171,10 @@ def test_numbers_are_written_as_boards_read_them() -> None:
 
 
 @contextmanager
-def _connected(folder: Path, options: dict[str, object]) -> Iterator[tuple[TemplateTable, EmulatedPort]]:
-    with EmulatedPort(Plain(Plant(Wiring(3200.0))), folder / "port", Clock(10.0)) as emulator:
+def _connected(
+    folder: Path, options: dict[str, object], kind: type[Plain] = Plain
+) -> Iterator[tuple[TemplateTable, EmulatedPort]]:
+    with EmulatedPort(kind(Plant(Wiring(3200.0))), folder / "port", Clock(10.0)) as emulator:
         table = TemplateTable(str(emulator.link), **options)  # type: ignore[arg-type]
         table.connect()
         try:

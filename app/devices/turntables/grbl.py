@@ -16,6 +16,7 @@ from app.devices.grbl_dialogue import (
     GrblStatus,
     lost_in_resets,
 )
+from app.devices.ramp import ramped_s
 from app.devices.serial_link import SerialLink
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
 from app.errors import (
@@ -454,10 +455,7 @@ class GrblTable:
         self._underway = None
 
     def _duration_s(self, way_deg: float, speed_deg_s: float) -> float:
-        ramp = speed_deg_s**2 / self._acceleration
-        if way_deg < ramp:
-            return 2.0 * math.sqrt(way_deg / self._acceleration)
-        return way_deg / speed_deg_s + speed_deg_s / self._acceleration
+        return ramped_s(way_deg, speed_deg_s, self._acceleration)
 
     def _start(self, angle_deg: float, speed_deg_s: float) -> SteadyTurn:
         if self._turn is not None:

@@ -4,10 +4,20 @@ import contextlib
 import math
 import re
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeVar
 
-from app.devices.command_template import CommandTemplate, parse_answer, parse_template, unescaped
+from app.devices.command_template import (
+    check_numbers,
+    check_pairs,
+    check_present,
+    check_texts,
+    parse_answer,
+    parse_plain,
+    parse_template,
+    unescaped,
+)
+from app.devices.ramp import ramped_s
 from app.devices.serial_link import SerialLink
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
 from app.errors import (
@@ -56,7 +66,8 @@ class TemplateTable:
         laser_done: where lasers are answered otherwise than by `done`; `()` where they are not answered.
         laser_channels: the numbers of the lasers.
         stop, stopped: what stops a move at once, and its answer.
-        where, where_answer: asks for the position; the answer's brackets are around the number.
+        where, where_answer: asks for the position; the answer's brackets are around the number, and its line
+            ends.
         where_in_steps: that number is steps, not degrees.
         motor_on, motor_off: gives the motor current, and lets it go.
         steps_per_deg: of the table; 0 for a board that turns by any angle.
@@ -108,7 +119,7 @@ class TemplateTable:
                 f"The template's field 'line_ending' cannot be {line_ending!r}.",
                 r"Choose \n, \r, \r\n, ; or nothing.",
             )
-        _check_texts(
+        check_texts(
             {
                 "banner": banner, "hello": hello, "hello_answer": hello_answer, "move": move, "done": done,
                 "failed": failed, "laser_on": laser_on, "laser_off": laser_off, "laser_done": laser_done,
@@ -117,18 +128,18 @@ class TemplateTable:
                 **{f"init, line {number}": line for number, line in enumerate(init, 1)},
             }
         )  # fmt: skip
-        _require({"move": move, "done": done})
-        _require_pairs(
+        check_present({"move": move, "done": done})
+        check_pairs(
             {
                 "hello hello_answer": (hello, hello_answer),
                 "where where_answer": (where, where_answer),
                 "laser_on laser_off": (laser_on, laser_off),
             }
         )
-        _require_numbers(
+        check_numbers(
             {"speed_deg_s": speed_deg_s, "speed_factor": speed_factor, "boot_s": boot_s, "answer_s": answer_s}
         )
-        _require_numbers(
+        check_numbers(
             {"steps_per_deg": steps_per_deg, "acceleration_deg_s2": acceleration_deg_s2}, or_zero=True
         )
         if not 0 <= decimals <= 9:
@@ -142,9 +153,12 @@ class TemplateTable:
             True: parse_template("laser_on", laser_on, ("channel",), needed),
             False: parse_template("laser_off", laser_off, ("channel",), needed),
         }
-        self._hello, self._where = _plain("hello", hello), _plain("where", where)
-        self._stop, self._init = _plain("stop", stop), [_plain("init", line) for line in init]
-        self._motor_texts = {True: _plain("motor_on", motor_on), False: _plain("motor_off", motor_off)}
+        self._hello, self._where = parse_plain("hello", hello), parse_plain("where", where)
+        self._stop, self._init = parse_plain("stop", stop), [parse_plain("init", line) for line in init]
+        self._motor_texts = {
+            True: parse_plain("motor_on", motor_on),
+            False: parse_plain("motor_off", motor_off),
+        }
         for field, text in (("done", done), ("laser_done", laser_done), ("stopped", stopped)):
             parse_answer(field, text)
         self._banner = parse_answer("banner", banner)
@@ -460,7 +474,7 @@ class TemplateTable:
         self._find_out()
 
     def _duration_s(self, way_deg: float, speed_deg_s: float) -> float:
-        return way_deg / speed_deg_s + (speed_deg_s / self._acceleration if self._acceleration else 0.0)
+        return ramped_s(way_deg, speed_deg_s, self._acceleration or math.inf)
 
     def _switch(self, channel: int, is_on: bool) -> None:
         if is_on:
@@ -475,7 +489,8 @@ class TemplateTable:
             self._switch(channel, False)
 
     def _ask_position(self) -> None:
-        found = self._request(self._where.fill({}), self._where_answer)
+        # Up to the end of the line, lest half a number be taken for it.
+        found = self._request(self._where.fill({}), f"(?:{self._where_answer})[^\r\n]*[\r\n]")
         try:
             value = float(found[1])
         except (ValueError, TypeError) as error:
@@ -512,7 +527,8 @@ class TemplateTable:
     def _pattern(self, answer: str) -> re.Pattern[bytes]:
         """Answer, complaint or banner; the answer first, so that its brackets keep their numbers."""
         never = "(?!)"
-        parts = f"(?:{answer})|(?P<failed>{self._failed or never})|(?P<banner>{self._banner or never})"
+        failed = rf"(?P<failed>(?:{self._failed or never})[^\r\n]*)(?=[\r\n])"
+        parts = f"(?:{answer})|{failed}|(?P<banner>{self._banner or never})"
         return re.compile(parts.encode("latin-1"))
 
     def _lost_position(self) -> PositionUnknown:
@@ -521,41 +537,6 @@ class TemplateTable:
 
     def _line(self, command: bytes) -> bytes:
         return command + self._ending.encode()
-
-
-def _plain(field: str, text: str) -> CommandTemplate:
-    return parse_template(field, text, ())
-
-
-def _check_texts(fields: Mapping[str, object]) -> None:
-    for field, text in fields.items():
-        if not isinstance(text, str):
-            raise OptionError(f"The template's field {field!r} must be text, not {text!r}.")
-
-
-def _require(fields: Mapping[str, str]) -> None:
-    for field, text in fields.items():
-        if not text:
-            raise OptionError(f"The template's field {field!r} is missing.", "A template needs it.")
-
-
-def _require_pairs(pairs: Mapping[str, tuple[str, str]]) -> None:
-    """Two fields that make sense only together."""
-    for fields, (first, second) in pairs.items():
-        if bool(first) != bool(second):
-            given, lacking = fields.split() if first else reversed(fields.split())
-            raise OptionError(
-                f"The template's field {lacking!r} is missing.", f"It belongs to {given!r}, which is there."
-            )
-
-
-def _require_numbers(fields: Mapping[str, float], *, or_zero: bool = False) -> None:
-    for field, value in fields.items():
-        is_fine = isinstance(value, int | float) and math.isfinite(value)
-        if not is_fine or value < 0.0 or (value == 0.0 and not or_zero):
-            raise OptionError(
-                f"The template's field {field!r} cannot be {value!r}.", "Give a positive number."
-            )
 
 
 TURNTABLES.register("template", TemplateTable)
