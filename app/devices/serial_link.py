@@ -33,6 +33,7 @@ class SerialLink:
     Attributes:
         port: path or URL, as `serial.serial_for_url` takes it.
         device: what messages call it.
+        overtaker: held by whoever stops the board, so that no second one interrupts the stop.
     """
 
     def __init__(
@@ -49,7 +50,7 @@ class SerialLink:
         self._serial: serial.Serial | None = None
         self._buffer = bytearray()
         self._arrived = threading.Condition()
-        self._dialogue = threading.RLock()
+        self._dialogue, self.overtaker = threading.RLock(), threading.RLock()
         self._lost: str | None = None
         self._interrupts = 0
         self._since: int | None = None

@@ -6,6 +6,7 @@ import threading
 import time
 from collections import deque
 
+from app.devices.overtaking import alone
 from app.devices.serial_link import SerialLink
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
 from app.errors import (
@@ -172,6 +173,7 @@ class FabScan100:
     def position_now(self) -> float | None:
         return None
 
+    @alone
     def stop(self) -> float:
         self._stops += 1
         self._link.interrupt()
@@ -194,6 +196,7 @@ class FabScan100:
             self._command(_MOTOR_ON if is_holding else _MOTOR_OFF)
             self._is_powered = is_holding
 
+    @alone
     def make_safe(self) -> None:
         self._stops += 1
         self._link.interrupt()

@@ -16,6 +16,7 @@ from app.devices.grbl_dialogue import (
     GrblStatus,
     lost_in_resets,
 )
+from app.devices.overtaking import alone
 from app.devices.ramp import ramped_s
 from app.devices.serial_link import SerialLink
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
@@ -183,6 +184,7 @@ class GrblTable:
             status = self._do(self._look)
             return self._origin_deg + status.machine[self._axis]
 
+    @alone
     def stop(self) -> float:
         self._link.interrupt()
         if self._underway is not None:
@@ -214,6 +216,7 @@ class GrblTable:
             elif not self._is_asleep:
                 self._do(self._sleep)
 
+    @alone
     def make_safe(self) -> None:
         if not self._link.is_open:
             return

@@ -8,6 +8,7 @@ import time
 
 from app.devices.horus_kind import CloneHorus, HorusKind, TrueHorus, read_settings, true_horus
 from app.devices.horus_line import BANNER, REPLY_S, BoardRestarted, HorusLine
+from app.devices.overtaking import alone
 from app.devices.serial_link import SerialLink
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
 from app.errors import (
@@ -193,14 +194,13 @@ class HorusTable:
             status = self._line.overheard()
         return None if status is None else self._origin_deg + status.x_deg
 
+    @alone
     def stop(self) -> float:
-        while True:
-            self._interrupt()
-            # Somebody else may be stopping it at the same time, and interrupt this one.
-            with contextlib.suppress(MoveStopped), self._link.dialogue(wait_s=_PATIENCE_S):
-                self._turn = None
-                self._settle()
-                return self.angle_deg
+        self._interrupt()
+        with self._link.dialogue(wait_s=_PATIENCE_S):
+            self._turn = None
+            self._settle()
+        return self.angle_deg
 
     def zero(self, angle_deg: float = 0.0) -> None:
         with self._link.dialogue(wait_s=_PATIENCE_S):
@@ -225,6 +225,7 @@ class HorusTable:
             self._command("M17" if is_holding else "M18")
             self._is_holding = is_holding
 
+    @alone
     def make_safe(self) -> None:
         if not self._link.is_open:
             return

@@ -4,6 +4,7 @@ import contextlib
 import math
 import re
 
+from app.devices.overtaking import alone
 from app.devices.serial_link import SerialLink
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
 from app.errors import (
@@ -113,6 +114,7 @@ class Sardauscan:
     def position_now(self) -> float | None:
         return None
 
+    @alone
     def stop(self) -> float:
         self._link.interrupt()
         with self._link.dialogue():
@@ -140,6 +142,7 @@ class Sardauscan:
     def hold(self, is_holding: bool) -> None:
         """The firmware has no word for it; the motor holds after its first move."""
 
+    @alone
     def make_safe(self) -> None:
         self._link.interrupt()
         with contextlib.suppress(DeviceError):

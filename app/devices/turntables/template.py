@@ -17,6 +17,7 @@ from app.devices.command_template import (
     parse_template,
     unescaped,
 )
+from app.devices.overtaking import alone
 from app.devices.ramp import ramped_s
 from app.devices.serial_link import SerialLink
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
@@ -260,6 +261,7 @@ class TemplateTable:
     def position_now(self) -> float | None:
         return None
 
+    @alone
     def stop(self) -> float:
         self._link.interrupt()
         if self._underway is not None and not self._stop.is_empty:
@@ -284,6 +286,7 @@ class TemplateTable:
         with self._link.dialogue(wait_s=_BUSY_WAIT_S):
             self._do(lambda: self._give_current(is_holding))
 
+    @alone
     def make_safe(self) -> None:
         if not self._link.is_open:
             return
