@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from app.devices.fabscan_words import usual_counts_per_step
 from app.devices.turntables.fabscan import FabScan as Driver
-from app.devices.turntables.fabscan import usual_counts_per_step
 from app.errors import DeviceRefused, DeviceUnrecognised, OptionError, PositionUnknown
 from app.simulation.clock import Clock
 from app.simulation.firmware.dialects.fabscan import FabScan as Board
@@ -174,7 +174,7 @@ def test_no_number_leaves_its_sixteen_bits(table: Driver, emulator: EmulatedPort
     turn = table.start_turning(1107.0, 60.0)
     assert table.finish_turning() == 1107.0
     assert plant_state(emulator).angle_deg == pytest.approx(1107.0)
-    assert turn.speed_deg_s == pytest.approx(60.0, abs=0.02)
+    assert turn.speed_deg_s == pytest.approx(60.0, rel=0.01)
     counts = [int(found[1]) for line in lines if (found := re.search(r"G01 T(-?\d+)", line))]
     assert max(map(abs, counts)) <= 32767
     assert len(counts) == 3
@@ -340,6 +340,16 @@ def test_what_does_not_answer_is_named_with_the_rates_that_were_tried(tmp_path: 
         with pytest.raises(DeviceUnrecognised, match="57600 baud"):
             table.connect()
         assert not table.is_connected
+
+
+def test_the_slowest_of_moves_still_has_a_speed(tmp_path: Path) -> None:
+    with board_at(tmp_path) as emulator:
+        table = Driver(str(emulator.link), baud=14400, speed=0.001)
+        table.connect()
+        lines = said(table)
+        assert table.move_to(-_STEP_DEG) == -_STEP_DEG
+        assert "G01 T-4 F1;" in lines
+        table.disconnect()
 
 
 def test_numbers_that_make_no_table_are_refused() -> None:

@@ -372,6 +372,7 @@ def test_another_board_is_named_by_what_it_is_not(tmp_path: Path) -> None:
         {"speed": float("nan")},
         {"acceleration": -1.0},
         {"slowest_steps": float("nan")},
+        {"lasers": ["11 S255"]},
     ],
 )
 def test_options_that_make_no_table_are_refused(options: dict[str, object]) -> None:

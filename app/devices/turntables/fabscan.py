@@ -7,6 +7,15 @@ import time
 from dataclasses import dataclass
 
 from app.devices.fabscan_dialogue import BOOT_S, FabScanDialogue
+from app.devices.fabscan_words import (
+    FASTEST,
+    LASERS,
+    MOST_COUNTS,
+    counts_per_s,
+    is_trap,
+    move_command,
+    usual_counts_per_step,
+)
 from app.devices.overtaking import overtaking
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
 from app.errors import (
@@ -19,10 +28,6 @@ from app.errors import (
     PositionUnknown,
 )
 
-# The words for on and off; channels are numbered as the FabScanPi server does: 0 right, 1 left.
-_LASERS = (("M21", "M22"), ("M19", "M20"))
-# A number is 16 bits wide, and the processor makes no more counts per second.
-_MOST_COUNTS, _FASTEST = 32767, 2460
 # Lines for the parts of a turn that the board's 64 bytes can keep.
 _MOST_PARTS = 3
 _STEP_BACK_SPEED = 400
@@ -128,8 +133,9 @@ class FabScan:
             self._require_known()
             target = self._steps_at(angle_deg)
             self._prepare(target - self._steps)
-            feed = self._feed(min(self.speed, self._facts.fastest_deg_s))
-            piece = max(1, min(int(_PIECE_S * feed), _MOST_COUNTS) // self._counts_per_step)
+            # Never F0, which hangs the board.
+            feed = max(1, self._feed(min(self.speed, self._facts.fastest_deg_s)))
+            piece = max(1, min(int(_PIECE_S * feed), MOST_COUNTS) // self._counts_per_step)
             while self._steps != target:
                 self._move(max(-piece, min(piece, target - self._steps)), feed)
                 if self._stops != began:
@@ -138,7 +144,7 @@ class FabScan:
 
     def start_turning(self, angle_deg: float, speed_deg_s: float) -> SteadyTurn:
         feed = self._feed(speed_deg_s)
-        if not 1 <= feed <= _FASTEST:
+        if not 1 <= feed <= FASTEST:
             low, high = self._facts.slowest_deg_s, self._facts.fastest_deg_s
             raise DeviceRefused(
                 self.name,
@@ -148,24 +154,25 @@ class FabScan:
         with self._dialogue():
             self._require_known()
             target = self._steps_at(self.angle_deg + angle_deg)
-            longest = _MOST_COUNTS // self._counts_per_step
+            longest = MOST_COUNTS // self._counts_per_step
             if abs(target - self._steps) >= _MOST_PARTS * longest:
                 most = _MOST_PARTS * longest * self._facts.smallest_deg
                 raise DeviceRefused(self.name, f"turns steadily by {most:.0f} degrees at most")
             self._prepare(target - self._steps)
             way, left = (1 if target > self._steps else -1), abs(target - self._steps)
             commands = tuple(
-                _move_command(way * min(longest, left - done) * self._counts_per_step, feed)
+                move_command(way * min(longest, left - done) * self._counts_per_step, feed)
                 for done in range(0, left, longest)
             )
-            duration_s = left * self._counts_per_step / feed
-            started_s = time.monotonic()
+            duration_s = left * self._counts_per_step / counts_per_s(feed)
             from_deg = self.angle_deg
             if commands:
                 self._underway = (self._steps, target)
-                self._turn = _Turn(commands, target, started_s + 1.1 * duration_s + _SLACK_S)
+                self._turn = _Turn(commands, target, time.monotonic() + 1.1 * duration_s + _SLACK_S)
                 self._send_turn(commands)
-            speed = way * feed / self._counts_per_step * self._facts.smallest_deg
+            # It begins as soon as it has echoed the line.
+            started_s = time.monotonic()
+            speed = way * counts_per_s(feed) / self._counts_per_step * self._facts.smallest_deg
             return SteadyTurn(from_deg, self._degrees(target), speed, started_s, 0.0, duration_s)
 
     def finish_turning(self) -> float:
@@ -197,7 +204,7 @@ class FabScan:
                 self.name, f"has no laser {channel}", "Its lasers are 0, the right one, and 1, the left one."
             )
         with self._dialogue():
-            self._board.request(_LASERS[channel][0 if is_on else 1])
+            self._board.request(LASERS[channel][0 if is_on else 1])
 
     def hold(self, is_holding: bool) -> None:
         with self._dialogue():
@@ -217,7 +224,7 @@ class FabScan:
 
     def talk(self, line: str) -> str:
         command = line.strip().rstrip(";")
-        if _is_trap(command):
+        if is_trap(command):
             raise DeviceRefused(
                 self.name,
                 f"would hang or turn without end by {line!r}",
@@ -266,7 +273,7 @@ class FabScan:
     def _move(self, steps: int, feed: int) -> None:
         """Turn at constant speed, and wait until the table stands."""
         counts = steps * self._counts_per_step
-        command = _move_command(counts, feed)
+        command = move_command(counts, feed)
         was, self._underway = self._underway, (self._steps, self._steps + steps)
         try:
             self._board.link.discard()
@@ -313,7 +320,7 @@ class FabScan:
         self._steps, self._underway, self._turn = turn.target, None, None
 
     def _darken(self) -> None:
-        for _, off in _LASERS:
+        for _, off in LASERS:
             self._board.request(off)
 
     def _require_known(self) -> None:
@@ -341,34 +348,11 @@ class FabScan:
         return TurntableFacts(
             f"FabScanPi {self._board.version}{kind}".strip(),
             self.port,
-            tuple(range(len(_LASERS))),
+            tuple(range(len(LASERS))),
             step_deg,
             slowest_deg_s=step_deg / self._counts_per_step,
-            fastest_deg_s=_FASTEST * step_deg / self._counts_per_step,
+            fastest_deg_s=FASTEST * step_deg / self._counts_per_step,
         )
-
-
-def usual_counts_per_step(version: str) -> int:
-    """What T counts of a motor step: one, then two, one again, and four from November 2018 on."""
-    digits = version.removeprefix("v.")
-    date = int(digits) if re.fullmatch(r"20\d{6}", digits) else 99999999
-    if date >= 20181101:
-        return 4
-    return 2 if 20170301 <= date < 20170701 else 1
-
-
-def _move_command(counts: int, feed: int) -> str:
-    return f"G01 T{counts} F{feed}"
-
-
-def _is_trap(command: str) -> bool:
-    """Whether the firmware, which finds a G in any word, would hang or turn without end."""
-    words = {word[0]: word[1:] for word in reversed(command.split(" ")) if word}
-    code, speed = (re.match(r"-?\d+", words.get(letter, "")) for letter in "GF")
-    if code is None:
-        return False
-    is_endless = int(code[0]) == 6
-    return is_endless or (int(code[0]) == 1 and (speed is None or int(speed[0]) <= 0))
 
 
 TURNTABLES.register("fabscan", FabScan)

@@ -7,24 +7,13 @@ import time
 from collections.abc import Callable, Iterator
 
 from app.devices.marlin_dialogue import MarlinDialogue, MarlinPosition, MarlinRestarted
+from app.devices.marlin_words import LaserWords, setup_words, steps_per_unit
 from app.devices.overtaking import overtaking
 from app.devices.ramp import ramped_s
 from app.devices.serial_link import SerialLink
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
 from app.errors import DeviceError, DeviceLost, DeviceRefused, OptionError, PositionUnknown
 
-# Words for on and off, and what to choose where a board does not know them.
-_LASER_WORDS = {
-    "M42": ("M42 P{0} S255", "M42 P{0} S0"),
-    "M106": ("M106 P{0} S255", "M107 P{0}"),
-    "M700": ("M700 S255", "M700 S0"),
-}
-_OTHER_WORDS = {
-    "M42": 'Marlin 2 has no M42 by default. Connect the lasers to fan outputs and set laser = "M106" and '
-    "lasers = [0, 1] in the bench file.",
-    "M106": 'Connect the lasers to spare pins and set laser = "M42" and lasers = [11, 6] in the bench file.',
-    "M700": 'M700 is for FABtotum printers. Set laser = "M42" or laser = "M106" in the bench file.',
-}
 _FASTEST_DEG_S = 360.0
 # Firmware refuses extrusions of more than 200 units.
 _LONGEST_DEG = {"X": math.inf, "E": 180.0}
@@ -72,21 +61,22 @@ class Marlin:
         lasers: tuple[int, ...] = (11, 6),
         slowest_steps: float = 32.0,
     ) -> None:
-        if axis not in _LONGEST_DEG or laser not in _LASER_WORDS:
-            raise OptionError(
-                f"A Marlin board has no axis {axis!r} or no laser word {laser!r}.",
-                'The axis is "X" or "E", the laser word "M42", "M106" or "M700".',
-            )
+        if axis not in _LONGEST_DEG:
+            raise OptionError(f"A Marlin board has no axis {axis!r} for a table.", 'Choose "X" or "E".')
         numbers = (steps_per_deg, speed, acceleration)
         if not all(math.isfinite(number) and number > 0.0 for number in numbers) or not slowest_steps >= 0.0:
             raise OptionError(
                 "A Marlin board needs positive steps_per_deg, speed and acceleration.",
                 "For 200 steps a turn and 16 microsteps, steps_per_deg is 8.8889.",
             )
+        if not all(isinstance(channel, int) and channel >= 0 for channel in lasers):
+            raise OptionError(
+                "The lasers of a Marlin board are numbers of pins or fans.", "Write them as lasers = [11, 6]."
+            )
         self.port, self.name = port, name
         self.axis, self.steps_per_deg = axis, steps_per_deg
         self.speed, self.acceleration = min(speed, _FASTEST_DEG_S), acceleration
-        self.laser, self._slowest_steps = laser, slowest_steps
+        self._words, self._slowest_steps = LaserWords(laser), slowest_steps
         self._link = SerialLink(port, baud, name)
         self._board = MarlinDialogue(self._link)
         self._channels = tuple(lasers)
@@ -114,7 +104,7 @@ class Marlin:
     @property
     def farewell(self) -> Farewell | None:
         # Opening resets the board, or it does not; both are waited for.
-        off = "".join(_LASER_WORDS[self.laser][1].format(channel) + "\n" for channel in self._channels)
+        off = "".join(f"{self._words.switch(channel, False)}\n" for channel in self._channels)
         return Farewell(
             self.port, self._link.baud, ((b"\n", 1.5), (b"M410\n", 0.1), (f"{off}M18\n".encode(), 0.3))
         )
@@ -165,8 +155,8 @@ class Marlin:
             self._require_known()
             from_steps, speed = self._steps, abs(speed_deg_s)
             target = self._steps_at(self.angle_deg + angle_deg)
-            started_s = time.monotonic()
             duration_s = self._go(target, speed)
+            started_s = (self._ends_s or time.monotonic()) - duration_s
             return SteadyTurn(
                 self._degrees(from_steps),
                 self._degrees(target),
@@ -207,7 +197,7 @@ class Marlin:
             # Noted as lit from before the command, so that a reset in between lights it again.
             self._lit = self._lit | {channel} if is_on else self._lit - {channel}
             answer = self._ask(self._laser_word(channel))
-            self._check_laser(channel, answer)
+            self._words.check(self.name, channel, answer)
 
     def hold(self, is_holding: bool) -> None:
         with self._standing():
@@ -383,43 +373,19 @@ class Marlin:
 
     def _set_up(self) -> None:
         """Everything that a reset forgets."""
-        words = ["M302 S0" if self.laser == "M700" else "M302 P1", "M82"] if self.axis == "E" else []
-        words += ["G21", "G90", "M121", "M211 S0", "M84 S0"]
-        words += [f"M203 {self.axis}{_FASTEST_DEG_S:g}", f"M201 {self.axis}{self.acceleration:g}"]
-        # E alone moves with the acceleration of a retraction.
-        rate = f"{self.acceleration:g}"
-        words += [f"M204 P{rate} R{rate} T{rate}"]
-        if self._steps_per_unit() != self.steps_per_deg:
+        words = setup_words(self.axis, self.acceleration, _FASTEST_DEG_S, self._words.laser)
+        if steps_per_unit(self._board.ask("M503"), self.axis) != self.steps_per_deg:
             words += [f"M92 {self.axis}{self.steps_per_deg:.6f}"]
         for word in [*words, f"G92 {self.axis}0"]:
             self._board.ask(word)
         self._board_zero = self._steps
 
-    def _steps_per_unit(self) -> float:
-        """What the board says; NaN where it does not."""
-        told = "\n".join(self._board.ask("M503"))
-        found = re.search(rf"M92\b[^\n]*\b{self.axis}\s*([\d.]+)", told)
-        return float(found[1]) if found else math.nan
-
     def _set_lasers(self) -> None:
         for channel in self._channels:
-            self._check_laser(channel, self._board.ask(self._laser_word(channel)))
+            self._words.check(self.name, channel, self._board.ask(self._laser_word(channel)))
 
     def _laser_word(self, channel: int) -> str:
-        return _LASER_WORDS[self.laser][0 if channel in self._lit else 1].format(channel)
-
-    def _check_laser(self, channel: int, answer: list[str]) -> None:
-        told = " ".join(answer).lower()
-        if "unknown command" in told:
-            raise DeviceRefused(
-                self.name, f"does not know {self.laser} for its lasers", _OTHER_WORDS[self.laser]
-            )
-        if "protected" in told:
-            raise DeviceRefused(
-                self.name,
-                f"does not let {self.laser} switch pin {channel}",
-                "Connect the laser to a free pin and put its number into the option `lasers`.",
-            )
+        return self._words.switch(channel, channel in self._lit)
 
     def _require_known(self) -> None:
         if self._underway is not None and self._ends_s is None:
