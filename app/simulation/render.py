@@ -245,16 +245,21 @@ class Renderer:
         if pixels is None:
             pixels = self._pixels(mesh)
         first, (top, _, left, _) = int(self._first[number]), layers.box
+        here = pixels - np.array([left, top], np.float64)
         box = kernels.rasterise(
-            mesh.vertices, pixels - np.array([left, top], np.float64), mesh.faces, layers.rays,
-            layers.depth, layers.owner, first, mesh.is_closed,
-        )  # fmt: skip
+            mesh.vertices, here, mesh.faces, layers.rays, layers.depth, layers.owner, first, mesh.is_closed
+        )
         if box[0] >= box[1]:
             return 0, 0, 0, 0
         kernels.resolve(
-            box, layers.owner, first, mesh.vertices, mesh.normals, mesh.faces, mesh.albedo,
-            mesh.quadrics, mesh.face_quadric, layers.rays, layers.depth, layers.normal, layers.albedo,
+            layers.owner, first, mesh.vertices, mesh.normals, mesh.faces, mesh.albedo,
+            layers.rays, layers.normal, layers.albedo,
         )  # fmt: skip
+        if len(mesh.quadrics):
+            kernels.curve(
+                layers.owner, first, mesh.quadrics, mesh.face_quadric,
+                layers.rays, layers.depth, layers.normal,
+            )  # fmt: skip
         return box[0] + top, box[1] + top, box[2] + left, box[3] + left
 
     def _print(

@@ -6,6 +6,7 @@ IS_COMPILED = find_spec("numba") is not None
 
 if IS_COMPILED:
     from app.simulation.kernels.compiled import (
+        curve,
         cut,
         expose,
         light,
@@ -19,6 +20,7 @@ if IS_COMPILED:
     )
 else:
     from app.simulation.kernels.plain import (
+        curve,
         cut,
         expose,
         light,
@@ -33,6 +35,7 @@ else:
 
 __all__ = [
     "IS_COMPILED",
+    "curve",
     "cut",
     "expose",
     "light",

@@ -25,6 +25,20 @@ def _side(vertices: Floats, j: int, k: int) -> tuple[float, float, float]:
     )
 
 
+@njit(nogil=True, cache=True, error_model="numpy", inline="always")
+def _steps(rays: F32, v: int, u: int) -> tuple[float, float, float, float]:
+    """What a ray's x and y change by from column to column, and from row to row."""
+    u_next, u_last = min(u + 1, rays.shape[1] - 1), max(u - 1, 0)
+    v_next, v_last = min(v + 1, rays.shape[0] - 1), max(v - 1, 0)
+    per_u, per_v = 1.0 / (u_next - u_last), 1.0 / (v_next - v_last)
+    return (
+        per_u * (rays[v, u_next, 0] - rays[v, u_last, 0]),
+        per_u * (rays[v, u_next, 1] - rays[v, u_last, 1]),
+        per_v * (rays[v_next, u, 0] - rays[v_last, u, 0]),
+        per_v * (rays[v_next, u, 1] - rays[v_last, u, 1]),
+    )
+
+
 @njit(nogil=True, cache=True, error_model="numpy")
 def project(vertices: Floats, matrix: Floats, distortion: Floats, width: int, height: int) -> Floats:
     pixels = np.empty((vertices.shape[0], 2))
@@ -45,6 +59,32 @@ def project(vertices: Floats, matrix: Floats, distortion: Floats, width: int, he
     return pixels
 
 
+@njit(nogil=True, cache=True, error_model="numpy", inline="always")
+def _reach_of(
+    pixels: Floats, i: int, j: int, k: int, width: int, height: int
+) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
+    """Rows and columns in which a triangle can be seen, the second and last not among them; none are (0, 0).
+
+    They are unsigned, because indices that cannot be negative need not be checked for it.
+    """
+    u_low = min(pixels[i, 0], pixels[j, 0], pixels[k, 0])
+    u_high = max(pixels[i, 0], pixels[j, 0], pixels[k, 0])
+    v_low = min(pixels[i, 1], pixels[j, 1], pixels[k, 1])
+    v_high = max(pixels[i, 1], pixels[j, 1], pixels[k, 1])
+    # Distortion bends the edges of a large triangle out of the box about its corners.
+    extent = max(u_high - u_low, v_high - v_low)
+    margin = min(0.06 * extent, 0.02 + 0.002 * extent * extent)
+    is_aside = not (u_low - margin < width and v_low - margin < height)
+    if is_aside or not (u_high + margin >= 0.0 and v_high + margin >= 0.0):
+        return np.uint64(0), np.uint64(0), np.uint64(0), np.uint64(0)
+    return (
+        np.uint64(math.ceil(max(0.0, v_low - margin))),
+        np.uint64(math.floor(min(height - 1.0, v_high + margin)) + 1),
+        np.uint64(math.ceil(max(0.0, u_low - margin))),
+        np.uint64(math.floor(min(width - 1.0, u_high + margin)) + 1),
+    )
+
+
 @njit(nogil=True, cache=True, error_model="numpy")
 def rasterise(
     vertices: Floats,
@@ -57,7 +97,7 @@ def rasterise(
     is_closed: bool,
 ) -> tuple[int, int, int, int]:
     height, width = depth.shape
-    top, bottom, left, right = height, 0, width, 0
+    top, bottom, left, right = np.uint64(height), np.uint64(0), np.uint64(width), np.uint64(0)
     for face in range(faces.shape[0]):
         i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
         if not (vertices[i, 2] > 1e-3 and vertices[j, 2] > 1e-3 and vertices[k, 2] > 1e-3):
@@ -66,22 +106,8 @@ def rasterise(
         det = vertices[i, 0] * ax + vertices[i, 1] * ay + vertices[i, 2] * az
         if det == 0.0 or (is_closed and det > 0.0):
             continue
-        u_low = min(pixels[i, 0], pixels[j, 0], pixels[k, 0])
-        u_high = max(pixels[i, 0], pixels[j, 0], pixels[k, 0])
-        v_low = min(pixels[i, 1], pixels[j, 1], pixels[k, 1])
-        v_high = max(pixels[i, 1], pixels[j, 1], pixels[k, 1])
-        # Distortion bends the edges of a large triangle out of the box about its corners.
-        extent = max(u_high - u_low, v_high - v_low)
-        margin = min(0.06 * extent, 0.02 + 0.002 * extent * extent)
-        if not (u_low - margin < width and v_low - margin < height):
-            continue
-        if not (u_high + margin >= 0.0 and v_high + margin >= 0.0):
-            continue
-        u0 = max(0, math.ceil(u_low - margin))
-        u1 = min(width - 1, math.floor(u_high + margin))
-        v0 = max(0, math.ceil(v_low - margin))
-        v1 = min(height - 1, math.floor(v_high + margin))
-        if u0 > u1 or v0 > v1:
+        v0, v1, u0, u1 = _reach_of(pixels, i, j, k, width, height)
+        if v0 >= v1 or u0 >= u1:
             continue
         bx, by, bz = _side(vertices, k, i)
         cx, cy, cz = _side(vertices, i, j)
@@ -90,9 +116,8 @@ def rasterise(
             cx, cy, cz, det = -cx, -cy, -cz, -det
         tx, ty, tz = ax + bx + cx, ay + by + cy, az + bz + cz
         is_seen = False
-        # Indices that cannot be negative need not be checked for it.
-        for v in range(np.uint64(v0), np.uint64(v1 + 1)):
-            for u in range(np.uint64(u0), np.uint64(u1 + 1)):
+        for v in range(v0, v1):
+            for u in range(u0, u1):
                 x, y = float(rays[v, u, 0]), float(rays[v, u, 1])
                 is_outside = (
                     (ax * x + ay * y + az < 0.0) | (bx * x + by * y + bz < 0.0) | (cx * x + cy * y + cz < 0.0)
@@ -105,33 +130,29 @@ def rasterise(
                     owner[v, u] = first_face + face
                     is_seen = True
         if is_seen:
-            top, bottom = min(top, v0), max(bottom, v1 + 1)
-            left, right = min(left, u0), max(right, u1 + 1)
-    return top, bottom, left, right
+            top, bottom = min(top, v0), max(bottom, v1)
+            left, right = min(left, u0), max(right, u1)
+    return int(top), int(bottom), int(left), int(right)
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
 def resolve(
-    box: tuple[int, int, int, int],
     owner: NDArray[np.int32],
     first_face: int,
     vertices: Floats,
     normals: Floats,
     faces: NDArray[np.int32],
     albedo: F32,
-    quadrics: Floats,
-    face_quadric: NDArray[np.int32],
     rays: F32,
-    depth: F32,
     normal_out: F32,
     albedo_out: F32,
 ) -> None:
-    top, bottom, left, right = box
+    height, width = owner.shape
     count = faces.shape[0]
     last, i, j, k = -1, 0, 0, 0
     ax = ay = az = bx = by = bz = cx = cy = cz = 0.0
-    for v in range(top, bottom):
-        for u in range(left, right):
+    for v in range(np.uint64(height)):
+        for u in range(np.uint64(width)):
             face = owner[v, u] - first_face
             if face < 0 or face >= count:
                 continue
@@ -151,26 +172,6 @@ def resolve(
             nx = wa * normals[i, 0] + wb * normals[j, 0] + wc * normals[k, 0]
             ny = wa * normals[i, 1] + wb * normals[j, 1] + wc * normals[k, 1]
             nz = wa * normals[i, 2] + wb * normals[j, 2] + wc * normals[k, 2]
-            which = face_quadric[face]
-            if which >= 0:
-                q = quadrics[which]
-                gx = q[0, 0] * x + q[0, 1] * y + q[0, 2]
-                gy = q[1, 0] * x + q[1, 1] * y + q[1, 2]
-                gz = q[2, 0] * x + q[2, 1] * y + q[2, 2]
-                a = gx * x + gy * y + gz
-                b = q[0, 3] * x + q[1, 3] * y + q[2, 3]
-                root = b * b - a * q[3, 3]
-                if root > 0.0 and a != 0.0:
-                    z = float(depth[v, u])
-                    near, far = (-b - math.sqrt(root)) / a, (-b + math.sqrt(root)) / a
-                    exact = near if abs(near - z) < abs(far - z) else far
-                    if abs(exact - z) < 0.01 * z:
-                        depth[v, u] = np.float32(exact)
-                        sx = exact * gx + q[0, 3]
-                        sy = exact * gy + q[1, 3]
-                        sz = exact * gz + q[2, 3]
-                        side = 1.0 if sx * nx + sy * ny + sz * nz >= 0.0 else -1.0
-                        nx, ny, nz = side * sx, side * sy, side * sz
             shorter = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
             # Seen from behind, a surface that is not closed shows its other side.
             if nx * x + ny * y + nz > 0.0 and total > 0.0:
@@ -180,6 +181,50 @@ def resolve(
             normal_out[v, u, 2] = shorter * nz
             for c in range(3):
                 albedo_out[v, u, c] = wa * albedo[i, c] + wb * albedo[j, c] + wc * albedo[k, c]
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
+def curve(
+    owner: NDArray[np.int32],
+    first_face: int,
+    quadrics: Floats,
+    face_quadric: NDArray[np.int32],
+    rays: F32,
+    depth: F32,
+    normal: F32,
+) -> None:
+    height, width = owner.shape
+    count = face_quadric.shape[0]
+    for v in range(np.uint64(height)):
+        for u in range(np.uint64(width)):
+            face = owner[v, u] - first_face
+            if face < 0 or face >= count or face_quadric[face] < 0:
+                continue
+            x, y, z = float(rays[v, u, 0]), float(rays[v, u, 1]), float(depth[v, u])
+            exact, nx, ny, nz = _on_quadric(quadrics[face_quadric[face]], x, y, z)
+            if not abs(exact - z) < 0.01 * z:
+                continue
+            depth[v, u] = np.float32(exact)
+            shorter = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+            if nx * normal[v, u, 0] + ny * normal[v, u, 1] + nz * normal[v, u, 2] < 0.0:
+                shorter = -shorter
+            normal[v, u, 0] = shorter * nx
+            normal[v, u, 1] = shorter * ny
+            normal[v, u, 2] = shorter * nz
+
+
+@njit(nogil=True, cache=True, error_model="numpy", inline="always")
+def _on_quadric(q: Floats, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """Depth at which a ray meets a curved surface nearest to a depth, NaN for never; and its normal there."""
+    gx = q[0, 0] * x + q[0, 1] * y + q[0, 2]
+    gy = q[1, 0] * x + q[1, 1] * y + q[1, 2]
+    gz = q[2, 0] * x + q[2, 1] * y + q[2, 2]
+    a = gx * x + gy * y + gz
+    b = q[0, 3] * x + q[1, 3] * y + q[2, 3]
+    root = math.sqrt(b * b - a * q[3, 3])
+    near, far = (-b - root) / a, (-b + root) / a
+    exact = near if abs(near - z) < abs(far - z) else far
+    return exact, exact * gx + q[0, 3], exact * gy + q[1, 3], exact * gz + q[2, 3]
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
@@ -202,8 +247,12 @@ def paint(
     albedo_out: F32,
 ) -> None:
     top, bottom, left, right = box
-    height, width = owner.shape
-    per_mm = 1.0 / texel_mm
+    per_mm, per_coarse, per_fine, per_sample = (
+        1.0 / texel_mm,
+        1.0 / coarse_block,
+        1.0 / fine_block,
+        1.0 / samples,
+    )
     last_column, last_row = texture.shape[1] - 1.001, texture.shape[0] - 1.001
     for v in range(top, bottom):
         for u in range(left, right):
@@ -216,16 +265,11 @@ def paint(
             z = -translation[2] / (rotation[2, 0] * x + rotation[2, 1] * y + rotation[2, 2])
             column = (along_x * z + translation[0] - origin_mm[0]) * per_mm - 0.5
             row = (along_y * z + translation[1] - origin_mm[1]) * per_mm - 0.5
-            c = int(min(max(column, 0.0), last_column))
-            r = int(min(max(row, 0.0), last_row))
-            grey = float(coarse[r // coarse_block, c // coarse_block])
+            inner_column = min(max(column, 0.0), last_column)
+            inner_row = min(max(row, 0.0), last_row)
+            grey = float(coarse[int(inner_row * per_coarse), int(inner_column * per_coarse)])
             if math.isnan(grey):
-                u_next, u_last = min(u + 1, width - 1), max(u - 1, 0)
-                v_next, v_last = min(v + 1, height - 1), max(v - 1, 0)
-                xu = (rays[v, u_next, 0] - rays[v, u_last, 0]) / (u_next - u_last)
-                yu = (rays[v, u_next, 1] - rays[v, u_last, 1]) / (u_next - u_last)
-                xv = (rays[v_next, u, 0] - rays[v_last, u, 0]) / (v_next - v_last)
-                yv = (rays[v_next, u, 1] - rays[v_last, u, 1]) / (v_next - v_last)
+                xu, yu, xv, yv = _steps(rays, v, u)
                 # Within a pixel the print's coordinates are as good as linear.
                 nearer = z * z / translation[2]
                 zu = nearer * (rotation[2, 0] * xu + rotation[2, 1] * yu)
@@ -234,22 +278,23 @@ def paint(
                 cv = per_mm * (z * (rotation[0, 0] * xv + rotation[0, 1] * yv) + zv * along_x)
                 ru = per_mm * (z * (rotation[1, 0] * xu + rotation[1, 1] * yu) + zu * along_y)
                 rv = per_mm * (z * (rotation[1, 0] * xv + rotation[1, 1] * yv) + zv * along_y)
-                reach = 0.5 * math.hypot(abs(cu) + abs(cv), abs(ru) + abs(rv))
-                grey = float(fine[r // fine_block, c // fine_block])
+                reach = 0.5 * max(abs(cu) + abs(cv), abs(ru) + abs(rv))
+                grey = float(fine[int(inner_row * per_fine), int(inner_column * per_fine)])
                 if math.isnan(grey) or reach > fine_block - 1.0:
                     grey = 0.0
                     for sv in range(samples):
-                        dv = (sv + 0.5) / samples - 0.5
+                        along_v = (sv + 0.5) * per_sample - 0.5
                         for su in range(samples):
-                            du = (su + 0.5) / samples - 0.5
-                            sc = min(max(column + du * cu + dv * cv, 0.0), last_column)
-                            sr = min(max(row + du * ru + dv * rv, 0.0), last_row)
-                            c, r = int(sc), int(sr)
-                            fc, fr = sc - c, sr - r
-                            upper = texture[r, c] + fc * (texture[r, c + 1] - texture[r, c])
-                            lower = texture[r + 1, c] + fc * (texture[r + 1, c + 1] - texture[r + 1, c])
+                            along_u = (su + 0.5) * per_sample - 0.5
+                            sc = min(max(column + along_u * cu + along_v * cv, 0.0), last_column)
+                            sr = min(max(row + along_u * ru + along_v * rv, 0.0), last_row)
+                            c, r = np.uint64(np.int64(sc)), np.uint64(np.int64(sr))
+                            fc, fr = np.float32(sc - np.int64(sc)), np.float32(sr - np.int64(sr))
+                            c_next, r_next = c + np.uint64(1), r + np.uint64(1)
+                            upper = texture[r, c] + fc * (texture[r, c_next] - texture[r, c])
+                            lower = texture[r_next, c] + fc * (texture[r_next, c_next] - texture[r_next, c])
                             grey += upper + fr * (lower - upper)
-                    grey /= samples * samples
+                    grey *= per_sample * per_sample
             for n in range(3):
                 albedo_out[v, u, n] = grey
 
@@ -391,7 +436,6 @@ def light(
     peak_grey: float,
     grey: F32,
 ) -> None:
-    height, width = depth.shape
     bins, slices = reach.shape[1], offsets_mm.shape[0]
     per_rad = (bins - 1) / (2.0 * half_fan)
     spacing = offsets_mm[1] - offsets_mm[0]
@@ -425,12 +469,7 @@ def light(
         nearest = reach[s, round((fan + half_fan) * per_rad)]
         if math.sqrt(ahead * ahead + aside * aside) > nearest + 0.3 + 0.1 / max(facing, 0.05):
             continue
-        u_next, u_last = min(u + 1, width - 1), max(u - 1, 0)
-        v_next, v_last = min(v + 1, height - 1), max(v - 1, 0)
-        xu = (rays[v, u_next, 0] - rays[v, u_last, 0]) / (u_next - u_last)
-        yu = (rays[v, u_next, 1] - rays[v, u_last, 1]) / (u_next - u_last)
-        xv = (rays[v_next, u, 0] - rays[v_last, u, 0]) / (v_next - v_last)
-        yv = (rays[v_next, u, 1] - rays[v_last, u, 1]) / (v_next - v_last)
+        xu, yu, xv, yv = _steps(rays, v, u)
         towards = min(m0 * x + m1 * y + m2, -0.03)
         qu = z * (plane[0] * xu + plane[1] * yu - slope * (m0 * xu + m1 * yu) / towards)
         qv = z * (plane[0] * xv + plane[1] * yv - slope * (m0 * xv + m1 * yv) / towards)

@@ -111,38 +111,30 @@ def rasterise(
 
 
 def resolve(
-    box: tuple[int, int, int, int],
     owner: NDArray[np.int32],
     first_face: int,
     vertices: Floats,
     normals: Floats,
     faces: NDArray[np.int32],
     albedo: F32,
-    quadrics: Floats,
-    face_quadric: NDArray[np.int32],
     rays: F32,
-    depth: F32,
     normal_out: F32,
     albedo_out: F32,
 ) -> None:
-    """Normal and albedo of every pixel that sees one of these triangles, and its depth on the true surface.
+    """Normal and colour where a body is seen.
 
     Args:
-        box: where to look.
         owner: as `rasterise` left it.
         first_face: number of the first triangle.
         vertices: (V, 3).
         normals: (V, 3).
         faces: (F, 3).
         albedo: (V, 3).
-        quadrics: (Q, 4, 4) curved surfaces.
-        face_quadric: (F,) which of them a triangle stands for, or -1.
         rays: of every pixel.
-        depth: is moved from the triangle to the curved surface.
         normal_out: unit vectors, out of the surface.
         albedo_out: blue, green, red.
     """
-    v, u = _mine(box, owner, first_face, len(faces))
+    v, u = _mine(None, owner, first_face, len(faces))
     corner = faces[owner[v, u] - first_face]
     ray = np.column_stack([rays[v, u], np.ones(len(v))]).astype(np.float64)
     at = vertices[corner]
@@ -153,27 +145,51 @@ def resolve(
     total = weights.sum(axis=1)
     weights /= total[:, None]
     out = np.einsum("nc,ncx->nx", weights, normals[corner])
-    which = face_quadric[owner[v, u] - first_face]
-    for number, q in enumerate(quadrics):
-        mine = np.flatnonzero(which == number)
-        gradient = ray[mine] @ q[:3, :3]
-        a = np.einsum("ni,ni->n", gradient, ray[mine])
-        b = ray[mine] @ q[:3, 3]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            root = np.sqrt(b * b - a * q[3, 3])
-            near, far = (-b - root) / a, (-b + root) / a
-            z = depth[v[mine], u[mine]].astype(np.float64)
-            exact = np.where(np.abs(near - z) < np.abs(far - z), near, far)
-            is_near = np.abs(exact - z) < 0.01 * z
-        mine, exact, gradient = mine[is_near], exact[is_near], gradient[is_near]
-        depth[v[mine], u[mine]] = exact
-        slope = exact[:, None] * gradient + q[:3, 3]
-        side = np.where(np.einsum("ni,ni->n", slope, out[mine]) >= 0.0, 1.0, -1.0)
-        out[mine] = side[:, None] * slope
     is_behind = (np.einsum("ni,ni->n", out, ray) > 0.0) & (total > 0.0)
     length = np.linalg.norm(out, axis=1) * np.where(is_behind, -1.0, 1.0)
     normal_out[v, u] = out / length[:, None]
     albedo_out[v, u] = np.einsum("nc,ncx->nx", weights, albedo[corner])
+
+
+def curve(
+    owner: NDArray[np.int32],
+    first_face: int,
+    quadrics: Floats,
+    face_quadric: NDArray[np.int32],
+    rays: F32,
+    depth: F32,
+    normal: F32,
+) -> None:
+    """Move what is seen from a body's triangles to the curved surfaces that they stand for.
+
+    Args:
+        owner: as `rasterise` left it.
+        first_face: number of the first triangle.
+        quadrics: (Q, 4, 4).
+        face_quadric: (F,) which of them a triangle stands for, or -1.
+        rays: of every pixel.
+        depth: of every pixel, is moved.
+        normal: as `resolve` left it, is turned.
+    """
+    v, u = _mine(None, owner, first_face, len(face_quadric))
+    which = face_quadric[owner[v, u] - first_face]
+    for number, q in enumerate(quadrics):
+        mine = which == number
+        row, column = v[mine], u[mine]
+        ray = np.column_stack([rays[row, column], np.ones(len(row))]).astype(np.float64)
+        gradient = ray @ q[:3, :3]
+        a, b = np.einsum("ni,ni->n", gradient, ray), ray @ q[:3, 3]
+        z = depth[row, column].astype(np.float64)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            root = np.sqrt(b * b - a * q[3, 3])
+            near, far = (-b - root) / a, (-b + root) / a
+            exact = np.where(np.abs(near - z) < np.abs(far - z), near, far)
+            is_near = np.abs(exact - z) < 0.01 * z
+        row, column, exact, gradient = row[is_near], column[is_near], exact[is_near], gradient[is_near]
+        depth[row, column] = exact
+        slope = exact[:, None] * gradient + q[:3, 3]
+        side = np.where(np.einsum("ni,ni->n", slope, normal[row, column]) < 0.0, -1.0, 1.0)
+        normal[row, column] = slope / (side * np.linalg.norm(slope, axis=1))[:, None]
 
 
 def paint(
@@ -505,9 +521,10 @@ def _random(seed: np.uint64, number: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 def _mine(
-    box: tuple[int, int, int, int], owner: NDArray[np.int32], first_face: int, count: int
+    box: tuple[int, int, int, int] | None, owner: NDArray[np.int32], first_face: int, count: int
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    top, bottom, left, right = box
+    """Rows and columns of the pixels that see some of the triangles; in a box, or everywhere."""
+    top, bottom, left, right = box or (0, owner.shape[0], 0, owner.shape[1])
     part = owner[top:bottom, left:right]
     v, u = np.nonzero((part >= first_face) & (part < first_face + count))
     return v + top, u + left
