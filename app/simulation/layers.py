@@ -73,6 +73,12 @@ def grown(box: Box, by: int, size: tuple[int, int]) -> Box:
     )  # fmt: skip
 
 
+def within(box: Box, outer: Box) -> Box:
+    """A box counted from the upper left corner of one around it."""
+    top, left = outer[0], outer[2]
+    return box[0] - top, box[1] - top, box[2] - left, box[3] - left
+
+
 def around(boxes: Sequence[Box]) -> Box:
     """The smallest box about all that are not empty."""
     held = [box for box in boxes if box[0] < box[1] and box[2] < box[3]]

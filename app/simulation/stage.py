@@ -14,9 +14,10 @@ from app.simulation.boards import board_body, board_plate, table_bodies
 from app.simulation.exposure import CameraSettings
 from app.simulation.objects import SimulatedObject, make_object
 from app.simulation.poses import fitting_board, standing_pose
-from app.simulation.render import Renderer, View
+from app.simulation.render import Renderer
 from app.simulation.rig import Z_UP
 from app.simulation.scene import Body, Scene
+from app.simulation.view import View
 from app.simulation.world_plan import WorldPlan
 from app.vision.stripe import Image
 

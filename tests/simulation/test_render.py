@@ -10,9 +10,10 @@ from app.errors import OptionError
 from app.geometry.arrays import Floats, Pixels
 from app.simulation.noise import Noise
 from app.simulation.objects import cube, sphere
-from app.simulation.render import Renderer, View, render_shot
+from app.simulation.render import Renderer, render_shot
 from app.simulation.rig import SimulatedRig, standard_rig
 from app.simulation.scene import Scene
+from app.simulation.view import View
 from app.vision.markers import PlatterSpec, detect_markers
 
 RADIUS_MM = 30.0
