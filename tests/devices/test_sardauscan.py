@@ -70,6 +70,24 @@ class TestSardauscan(TurntableContract):
         reached = table.move_to(60.0)
         assert plant_state(emulator).angle_deg == pytest.approx(reached, abs=0.4)
 
+    def test_a_reset_that_is_noticed_only_on_connecting_again_keeps_the_angle(
+        self, table: Turntable, emulator: EmulatedPort
+    ) -> None:
+        reached = table.move_to(30.0)
+        emulator.reset()
+        _wait_for_boot(emulator)
+        table.connect()
+        assert table.angle_deg == reached
+        # The banner itself may be missed, too: then the count tells.
+        emulator.silence(3.0)
+        emulator.reset()
+        _wait_for_boot(emulator)
+        emulator.silence(0.0)
+        table.connect()
+        assert table.angle_deg == reached
+        reached = table.move_to(60.0)
+        assert plant_state(emulator).angle_deg == pytest.approx(reached, abs=0.01)
+
     def test_a_board_that_resets_itself_in_mid_move_does_not_know_where_it_stands(
         self, table: Turntable, emulator: EmulatedPort
     ) -> None:

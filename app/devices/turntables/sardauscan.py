@@ -26,6 +26,8 @@ _SPEED, _ACCELERATION, _HALF_STEPS = 500.0, 200.0, 4
 _PIECE_UNITS, _LIT_PIECE_UNITS = 50, 12
 # The board multiplies by four in 16 bits.
 _FARTHEST_UNITS = 8000
+# For what waits behind a piece.
+_PATIENCE_S = 3.0
 _BANNER = re.compile(rb"Sardauscan V(\S*)\r?\n")
 
 
@@ -48,7 +50,7 @@ class Sardauscan:
         self._origin_deg = 0.0
         self._units = self._board_zero = 0
         self._underway: tuple[int, int] | None = None
-        self._is_known = False
+        self._resets = 0
 
     @property
     def facts(self) -> TurntableFacts:
@@ -70,23 +72,26 @@ class Sardauscan:
 
     def connect(self) -> None:
         is_new = not self._link.is_open
-        heard = b""
         if is_new:
             self._link.close()
             self._link.open()
-            heard = self._link.listen(_BANNER_S, _BANNER)
-        try:
-            with self._link.dialogue():
+        with self._link.dialogue():
+            heard = self._link.listen(_BANNER_S, _BANNER) if is_new else self._link.discard()
+            # Nothing that is asked now may raise PositionUnknown before all is in order.
+            underway, self._underway = self._underway, None
+            resets = self._resets
+            try:
                 self._shake_hands(heard)
-                self._find_position(was_reset=_BANNER.search(heard) is not None, is_new=is_new)
+                position = self._ask_position()
+                was_reset = _BANNER.search(heard) is not None or self._resets != resets
+                lost = self._place(position, underway, was_reset=was_reset, may_be_anew=True)
                 self._darken()
-        except PositionUnknown:
-            raise
-        except DeviceError:
-            self._link.close()
-            raise
-        if self._underway is not None:
-            raise self._lost_position()
+            except DeviceError:
+                self._underway = underway
+                self._link.close()
+                raise
+        if lost is not None:
+            raise lost
 
     def disconnect(self) -> None:
         if self._link.is_open:
@@ -118,7 +123,7 @@ class Sardauscan:
     def stop(self) -> float:
         self._link.interrupt()
         with self._link.dialogue():
-            self._read_position(piece_s(_PIECE_UNITS) + _REPLY_S)
+            self._read_position()
         return self.angle_deg
 
     def zero(self, angle_deg: float = 0.0) -> None:
@@ -149,7 +154,7 @@ class Sardauscan:
             # Waits in the board's buffer until a piece under way is over.
             self._link.write(b"".join(b"L %d 0\r" % channel for channel in self._facts.laser_channels))
             with self._link.dialogue():
-                self._read_position(piece_s(_PIECE_UNITS) + _REPLY_S)
+                self._read_position()
                 self._darken()
 
     def talk(self, line: str) -> str:
@@ -157,7 +162,7 @@ class Sardauscan:
             self._link.discard()
             self._link.write(line.encode("ascii", "replace") + b"\r")
             heard = self._link.read_line(piece_s(10 * _PIECE_UNITS) + _REPLY_S, line)
-            self._read_position(_REPLY_S)
+            self._read_position()
             return heard
 
     def _shake_hands(self, heard: bytes) -> None:
@@ -166,18 +171,15 @@ class Sardauscan:
         Raises:
             DeviceUnrecognised: it is another board, or none.
         """
-        patience_s = piece_s(_PIECE_UNITS) + _REPLY_S
-        self._link.discard()
         try:
             # The first CR ends what an earlier program left in the board's buffer.
-            self._link.write(b"\rsardauscan\r")
-            self._link.wait_for(re.compile(rb"yes\r?\n"), patience_s, "sardauscan")
+            self._request(b"\rsardauscan", rb"yes\r?\n", _PATIENCE_S)
         except DeviceTimeout as error:
             said = heard.decode("ascii", "replace").strip().splitlines()
             problem = f"is no Sardauscan; it says {said[0]!r}" if said else "does not answer as a Sardauscan"
             raise DeviceUnrecognised(self.name, f"{self.port} {problem}") from error
         version = _BANNER.search(heard)
-        told = self._request(b"T S", rb"REVOLUTION STEPS\s+=> (\d+)\r?\n", patience_s)
+        told = self._request(b"T S", rb"REVOLUTION STEPS\s+=> (\d+)\r?\n")
         self._units_per_turn = int(told[1])
         count = int(self._request(b"L", rb"LASER_COUNT: (\d+)\r?\n")[1])
         fastest = _SPEED / _HALF_STEPS * 360.0 / self._units_per_turn
@@ -190,14 +192,26 @@ class Sardauscan:
             can_turn_steadily=False,
         )
 
-    def _find_position(self, *, was_reset: bool, is_new: bool) -> None:
-        """Keep the angle over a reset, or over this program's absence; a board that kept its count tells."""
-        position = self._ask_position(piece_s(_PIECE_UNITS) + _REPLY_S)
-        if not self._is_known or was_reset or (is_new and position == 0):
-            self._board_zero = self._units - position
-        else:
-            self._units, self._underway = self._board_zero + position, None
-        self._is_known = True
+    def _place(
+        self, position: int, underway: tuple[int, int] | None, *, was_reset: bool, may_be_anew: bool
+    ) -> PositionUnknown | None:
+        """Make of the board's count an angle; a count that cannot be is that of a board that began anew.
+
+        Args:
+            position: what the board says.
+            underway: ends of the piece that was under way, as totals.
+            was_reset: its banner was seen.
+            may_be_anew: its banner may have been missed, so that 0 says nothing after a move.
+        """
+        self._underway = None
+        at = self._board_zero + position
+        lowest, highest = sorted(underway or (self._units, self._units))
+        is_doubtful = may_be_anew and position == 0 and underway is not None
+        if lowest <= at <= highest and not is_doubtful and not was_reset:
+            self._units = at
+            return None
+        self._board_zero = self._units - position
+        return None if underway is None else self._lost_position(underway)
 
     def _turn(self, units: int) -> None:
         """One piece of a move."""
@@ -218,11 +232,15 @@ class Sardauscan:
             self._heed(reply[0])
         self._units, self._underway = self._board_zero + int(reply["at"]), None
 
-    def _read_position(self, timeout_s: float) -> None:
-        self._units, self._underway = self._board_zero + self._ask_position(timeout_s), None
+    def _read_position(self) -> None:
+        """Raises PositionUnknown when the board has reset itself in a move."""
+        position = self._ask_position()
+        lost = self._place(position, self._underway, was_reset=False, may_be_anew=False)
+        if lost is not None:
+            raise lost
 
-    def _ask_position(self, timeout_s: float) -> int:
-        return int(self._request(b"T", rb"Position (-?\d+)\r?\n", timeout_s)[1])
+    def _ask_position(self) -> int:
+        return int(self._request(b"T", rb"Position (-?\d+)\r?\n", _PATIENCE_S)[1])
 
     def _darken(self) -> None:
         for channel in self._facts.laser_channels:
@@ -249,13 +267,14 @@ class Sardauscan:
         """
         if not _BANNER.search(heard):
             return
+        self._resets += 1
         self._board_zero = self._units
         self._lit.clear()
         if self._underway is not None:
-            raise self._lost_position()
+            underway, self._underway = self._underway, None
+            raise self._lost_position(underway)
 
-    def _lost_position(self) -> PositionUnknown:
-        ends, self._underway = self._underway or (self._units, self._units), None
+    def _lost_position(self, ends: tuple[int, int]) -> PositionUnknown:
         return PositionUnknown(self.name, *sorted(map(self._degrees, ends)))
 
     def _degrees(self, units: int) -> float:
