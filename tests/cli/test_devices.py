@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from command_line import turnscan
 
 from app.cli import devices
 from app.devices.bench_file import read_bench_file
@@ -13,7 +14,6 @@ from app.simulation.clock import Clock
 from app.simulation.firmware.dialects.sardauscan import Sardauscan
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
-from tests.cli.command_line import turnscan
 
 _WEBCAM = FoundCamera("/dev/v4l/by-id/usb-C920", "/dev/video2", "C920", (0x046D, 0x082D), "9F3A")
 _OWN = FoundCamera("/dev/video0", "/dev/video0", "Integrated Camera", is_built_in=True)

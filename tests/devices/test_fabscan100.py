@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from turntable_contract import TurntableContract, plant_state, wait_until
 
 from app.devices.serial_link import SerialLink
 from app.devices.turntable import Turntable
@@ -16,7 +17,6 @@ from app.simulation.firmware.dialects.sardauscan import Sardauscan
 from app.simulation.firmware.kernel import Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
-from tests.devices.turntable_contract import TurntableContract, plant_state, wait_until
 
 
 class TestFabScan100(TurntableContract):

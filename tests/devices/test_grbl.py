@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 import serial
+from turntable_contract import TurntableContract, plant_state, wait_until
 
 from app.devices.grbl_dialogue import GrblDialogue, parse_status
 from app.devices.serial_link import SerialLink
@@ -25,7 +26,6 @@ from app.simulation.firmware.dialects.grbl import COOLANT, SPINDLE, Grbl, State
 from app.simulation.firmware.kernel import Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
-from tests.devices.turntable_contract import TurntableContract, plant_state, wait_until
 
 _OPTIONS = {"steps_per_deg": 80.0 / 9.0, "speed_deg_s": 90.0, "acceleration_deg_s2": 180.0}
 

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 import pytest
+from turntable_contract import TurntableContract, plant_state
 
 from app.devices.turntable import Turntable
 from app.devices.turntables.grbl import GrblTable
@@ -12,7 +13,6 @@ from app.simulation.firmware.dialects.grblhal import GrblHal
 from app.simulation.firmware.kernel import Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
-from tests.devices.turntable_contract import TurntableContract, plant_state
 
 
 class TestGrblHal(TurntableContract):

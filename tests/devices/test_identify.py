@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 import serial
+from turntable_contract import wait_until
 
 from app.devices.identify import PING, QUESTION, RESET, Identity, identify
 from app.errors import DeviceDenied, DeviceError, DeviceLost, DeviceNotFound
@@ -19,7 +20,6 @@ from app.simulation.clock import Clock
 from app.simulation.firmware.kernel import FIRMWARES, Firmware
 from app.simulation.firmware.plant import Event, Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
-from tests.devices.turntable_contract import wait_until
 
 ALL_AT_ONCE = 8
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from turntable_contract import TurntableContract, plant_state, wait_until
 
 from app.devices.marlin_dialogue import MarlinDialogue
 from app.devices.turntables.marlin import Marlin as Driver
@@ -24,7 +25,6 @@ from app.simulation.firmware.dialects.marlin import Marlin as Board
 from app.simulation.firmware.kernel import Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
-from tests.devices.turntable_contract import TurntableContract, plant_state, wait_until
 
 _STEP_DEG = 360.0 / 3200.0
 

@@ -4,6 +4,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from turntable_contract import TurntableContract, plant_state, wait_until
 
 from app.devices.turntable import Turntable
 from app.devices.turntables.sardauscan import Sardauscan, piece_s
@@ -14,7 +15,6 @@ from app.simulation.firmware.dialects.fabscan100 import FabScan100
 from app.simulation.firmware.kernel import Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
-from tests.devices.turntable_contract import TurntableContract, plant_state, wait_until
 
 
 class TestSardauscan(TurntableContract):

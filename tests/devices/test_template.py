@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from turntable_contract import TurntableContract, plant_state, wait_until
 
 from app.devices.command_template import parse_template
 from app.devices.turntable import TURNTABLES, Turntable
@@ -15,7 +16,6 @@ from app.simulation.firmware.dialects.plain import Plain
 from app.simulation.firmware.kernel import Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
-from tests.devices.turntable_contract import TurntableContract, plant_state, wait_until
 
 _FULL = dict(Plain.driver_options)
 # The least a board can have: nothing tells who or where it is, and nothing stops it.

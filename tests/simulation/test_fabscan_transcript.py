@@ -1,10 +1,10 @@
 """The emulated FabScanPi board says and does what the recorded one did."""
 
 import pytest
+from transcripts import Player, Setting, Tolerance, read_transcript
 
 from app.simulation.firmware.dialects.fabscan import FabScan, usual_counts_per_step
 from app.simulation.firmware.plant import Plant, Wiring
-from tests.simulation.transcripts import Player, Setting, Tolerance, read_transcript
 
 # Rows whose table tells in a note, or not at all, what surrounded them: by text, and which of that text.
 _SETTINGS = {

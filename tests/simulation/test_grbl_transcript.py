@@ -3,11 +3,11 @@
 import dataclasses
 
 import pytest
+from transcripts import Played, Player, Row, Setting, Tolerance, read_transcript
 
 from app.simulation.firmware.dialects.grbl import COOLANT, SPINDLE, Grbl
 from app.simulation.firmware.dialects.grblhal import GrblHal
 from app.simulation.firmware.plant import Plant, Wiring
-from tests.simulation.transcripts import Played, Player, Row, Setting, Tolerance, read_transcript
 
 # What surrounded a row and its table tells in a note or not at all: by text, and which of that text.
 _SETTINGS = {

@@ -1,11 +1,11 @@
 """The emulated Marlin board says and does what the recorded one did."""
 
 import pytest
+from transcripts import Player, Setting, Tolerance, read_transcript
 
 from app.simulation.firmware.dialects.marlin import Marlin
 from app.simulation.firmware.marlin_motion import E, X
 from app.simulation.firmware.plant import Plant, Wiring
-from tests.simulation.transcripts import Player, Setting, Tolerance, read_transcript
 
 # What surrounded a row and its table tells in a note or not at all: by text, and which of that text.
 _SETTINGS = {
