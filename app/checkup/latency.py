@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from app.checkup.raw_camera import Arrival, RawReader, Signal
 from app.devices.bench import Bench
+from app.vision.stripe import Image
 
 # By so much a camera's times may be wrong without harm.
 STAMP_SLACK_S = 0.012
@@ -44,7 +45,8 @@ class Latency:
     """What switching a laser showed of a camera.
 
     Attributes:
-        latency_s: from the beginning of an exposure to the arrival of its picture.
+        latency_s: from the beginning of an exposure to the arrival of its picture. Boards act when they
+            have understood and answer later, so that the upper end is the likely one; it is the safe one too.
         late_stamps_s: what has to be added to the camera's own times; None where it tells none.
         command_s: how long the board takes to switch a laser.
         most_s: the longest time from a command to the first picture that shows it in full.
@@ -71,40 +73,45 @@ class _Trial:
     after: Arrival
 
 
-def first_signal(bench: Bench, reader: RawReader) -> tuple[str, Signal] | None:
-    """A laser whose light is seen, however late its picture comes; None where there is none."""
+def first_signal(bench: Bench, reader: RawReader, dark: Image) -> tuple[str, Signal] | None:
+    """A laser whose light is seen, however late its picture comes; it is left on. None where there is none.
+
+    Args:
+        dark: picture with all lasers off.
+    """
     channels = bench.turntable.facts.laser_channels
-    dark = reader.image(reader.grab_for(_LONGEST_S)[-1])
     for laser, entry in bench.lasers.items():
         if entry.channel not in channels:
             continue
-        with bench.lit(laser):
-            lit = reader.image(reader.grab_for(_LONGEST_S)[-1])
-        signal = Signal.of(dark, lit)
+        bench.switch(laser, True)
+        signal = Signal.of(dark, reader.image(reader.grab_for(_LONGEST_S)[-1]))
         if signal is not None:
-            reader.grab_for(_LONGEST_S)
             return laser, signal
+        bench.switch(laser, False)
     return None
 
 
 def measure_latency(
     bench: Bench, laser: str, signal: Signal, reader: RawReader, period_s: float
 ) -> Latency | None:
-    """Switch a laser at different moments between two frames; None where its light was never seen.
+    """Switch a laser, which is lit, off and on at different moments between two frames.
 
     The first frame that shows the change in full began after the command was sent, the one before it did
-    not begin after the answer: every trial leaves an interval, and they have a common part.
+    not begin after the answer: every trial leaves an interval, and they have a common part. None where no
+    change was seen.
     """
     trials: list[_Trial] = []
     wait_s = _LONGEST_S
     for number in range(_TRIALS):
-        is_on = number % 2 == 0
+        is_on = number % 2 == 1
         newest = _catch_up(reader, period_s)
-        time.sleep(number / _TRIALS * period_s)
-        sent_s = time.monotonic()
-        bench.switch(laser, is_on)
-        answered_s = time.monotonic()
-        arrivals = [newest, *reader.grab_for(wait_s, 3)]
+        with reader.grabbing() as arrivals:
+            time.sleep(number / _TRIALS * period_s)
+            sent_s = time.monotonic()
+            bench.switch(laser, is_on)
+            answered_s = time.monotonic()
+            time.sleep(wait_s)
+        arrivals = [newest, *arrivals]
         trial = _found(reader, signal, arrivals, is_on, sent_s, answered_s)
         if trial is None:
             return None
@@ -127,13 +134,19 @@ def measure_latency(
 def measure_stale(
     bench: Bench, laser: str, signal: Signal, reader: RawReader, period_s: float, latency_s: float
 ) -> int:
-    """How many pictures of an old state come first after nobody has read for much longer than the latency."""
+    """How many pictures of an old state come first after nobody has read for much longer than the latency.
+
+    The laser is lit, and so it is afterwards.
+    """
     counts = []
     for number in range(_PAUSES):
-        is_on = number % 2 == 0
+        is_on = number % 2 == 1
+        pause_s = max(_LEAST_PAUSE_S, 2.0 * latency_s + 6.0 * period_s)
         _catch_up(reader, period_s)
+        # First let it fill whatever it keeps them in, for it may keep the oldest.
+        time.sleep(pause_s)
         bench.switch(laser, is_on)
-        time.sleep(max(_LEAST_PAUSE_S, 2.0 * latency_s + 6.0 * period_s))
+        time.sleep(pause_s)
         stale = 0
         for arrival in [reader.grab() for _ in range(_fewest(period_s))]:
             if _progress(reader, signal, arrival, is_on) > _CHANGED:

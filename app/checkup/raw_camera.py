@@ -2,8 +2,10 @@
 
 import contextlib
 import math
+import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -82,13 +84,35 @@ class RawReader:
         raw = self.driver.grab(_GRAB_S)
         return Arrival(raw, asked_s, time.monotonic())
 
-    def grab_for(self, duration_s: float, fewest: int = 1) -> list[Arrival]:
-        """Everything that comes from now on, unlooked at."""
-        ends_s = time.monotonic() + duration_s
-        arrivals: list[Arrival] = []
-        while len(arrivals) < fewest or time.monotonic() < ends_s:
-            arrivals.append(self.grab())
+    def grab_for(self, duration_s: float) -> list[Arrival]:
+        """Everything that comes from now on, one frame at least, unlooked at."""
+        with self.grabbing() as arrivals:
+            time.sleep(duration_s)
         return arrivals
+
+    @contextmanager
+    def grabbing(self) -> Iterator[list[Arrival]]:
+        """Grab in another thread as long as the block goes on, and until one frame is there.
+
+        What happens meanwhile does not make a frame seem to arrive later than it did.
+
+        Raises:
+            DeviceError: the camera failed; raised at the end of the block.
+        """
+        arrivals: list[Arrival] = []
+        is_over = threading.Event()
+
+        def grab() -> None:
+            while not (is_over.is_set() and arrivals):
+                arrivals.append(self.grab())
+
+        with ThreadPoolExecutor(1, "checkup grab") as pool:
+            grabbed = pool.submit(grab)
+            try:
+                yield arrivals
+            finally:
+                is_over.set()
+            grabbed.result()
 
     def image(self, arrival: Arrival) -> Image:
         """The pixels, upright.
