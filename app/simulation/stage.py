@@ -85,6 +85,11 @@ class Stage:
             np.radians(rng.uniform(-6.0, 6.0)), np.radians(rng.uniform(2.0, 12.0)),
         )  # fmt: skip
 
+    def rehearse(self) -> None:
+        """Compile and draw beforehand what the first picture would take long for."""
+        lasers = dict.fromkeys(self.scanner.sources, 1.0)
+        self.picture(Moment("object", 0, None, 0.0, 1.0, lasers, 0), CameraSettings())
+
     def picture(self, moment: Moment, settings: CameraSettings) -> Image:
         """What the camera makes of a moment, (H, W, 3)."""
         renderer = self._renderer(moment, settings)

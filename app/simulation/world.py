@@ -26,7 +26,6 @@ __all__ = ["SimulatedWorld", "WorldPlan"]
 
 # The machine is remembered for ten seconds.
 _REMEMBERED_S = 9.0
-_USUAL_OUTPUTS = (0, 1)
 
 
 class SimulatedWorld:
@@ -48,6 +47,8 @@ class SimulatedWorld:
         """
         self.plan = plan
         self.stage = Stage(plan)
+        # Nothing shall be late in a world that has begun.
+        self.stage.rehearse()
         self.clock = Clock(plan.rate)
         maker = FIRMWARES.maker(plan.dialect)
         self.plant = Plant(_wiring(plan, maker, tuple(self.stage.scanner.rig.lasers)))
@@ -153,7 +154,7 @@ class _Arrangement:
 
 def _wiring(plan: WorldPlan, maker: Callable[..., Firmware], lasers: tuple[str, ...]) -> Wiring:
     """The mechanics as the dialect expects them, but for the planted faults."""
-    outputs: tuple[int, ...] = getattr(maker, "outputs", _USUAL_OUTPUTS)
+    outputs: tuple[int, ...] = getattr(maker, "outputs", Firmware.outputs)
     steps_per_turn = plan.steps_per_turn or float(getattr(maker, "steps_per_turn", Firmware.steps_per_turn))
     names = lasers[::-1] if plan.swapped_lasers else lasers
     return Wiring(

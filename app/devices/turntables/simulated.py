@@ -24,8 +24,8 @@ def open_simulated(world: SimulatedWorld) -> Turntable:
             f"There is no driver for a simulated board that speaks {dialect!r}.",
             f"Choose a dialect from: {', '.join(sorted(set(FIRMWARES) & set(TURNTABLES)))}.",
         )
-    suited: dict[str, object] = dict(getattr(firmware, "driver_options", {}))
-    return TURNTABLES.make(driver, **{**suited, "port": str(world.port.link)})
+    options: dict[str, object] = dict(getattr(firmware, "driver_options", {}))
+    return TURNTABLES.make(driver, **{**options, "port": str(world.port.link)})
 
 
 TURNTABLES.register("simulated", open_simulated)
