@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 
-from app.checkup.examination import Examination, LaserLook
+from app.checkup.examination import Examination
 from app.checkup.finding import Finding, State
+from app.checkup.saturation import measure_saturation
 from app.checkup.sharpness import blur_px
 from app.checkup.target import targets_of
 from app.devices.frame import Use
@@ -15,9 +16,6 @@ _SOFT_PX, _BLURRED_PX = 2.0, 4.0
 _DARK_GREY, _CLIPPED_GREY = 12.0, 254
 _CLIPPED_SHARE = 0.05
 _NOISY_GREY = 6.0
-# The share of a stripe's rows that may be saturated: issue 3 of the plan asks for less.
-_SATURATED_SHARE = 0.02
-_LIT_SHARE = 0.05
 
 
 def measure_picture(exam: Examination) -> tuple[Finding, ...]:
@@ -29,7 +27,7 @@ def measure_picture(exam: Examination) -> tuple[Finding, ...]:
         judge_exposure(room),
         judge_noise(noise_grey(*pair)),
         *_judge_targets(exam),
-        *(judge_saturation(look) for look in exam.looks if look.share >= _LIT_SHARE),
+        *measure_saturation(exam),
     )
 
 
@@ -94,22 +92,6 @@ def judge_noise(grey: float) -> Finding:
     return Finding(
         "picture.noise", State.ATTENTION, f"The picture is noisy: {grey:.1f} grey levels.",
         "Lower the control gain in the bench file, and expose longer instead.", numbers,
-    )  # fmt: skip
-
-
-def judge_saturation(look: LaserLook) -> Finding:
-    """How much of a stripe is clipped, so that its middle cannot be measured well."""
-    name, share = look.entry.name, float(np.mean(look.stripe.saturated))
-    numbers = {"saturated_share": round(share, 4), "rows": len(look.stripe)}
-    if share <= _SATURATED_SHARE:
-        return Finding(
-            f"picture.saturation.{name}", State.OK,
-            f"{100 * share:.1f} % of the rows of laser {name}'s stripe are saturated.", "", numbers,
-        )  # fmt: skip
-    return Finding(
-        f"picture.saturation.{name}", State.BAD if share > 0.5 else State.ATTENTION,
-        f"{100 * share:.0f} % of the rows of laser {name}'s stripe are saturated.",
-        "Write a shorter exposure under [camera.laser] in the bench file, until less than 2 % are.", numbers,
     )  # fmt: skip
 
 
