@@ -354,6 +354,16 @@ def test_a_board_that_opening_does_not_reset_is_asked(tmp_path: Path) -> None:
             assert second.move_to(9.0) == pytest.approx(9.0)
 
 
+def test_a_board_at_another_rate_needs_that_rate(tmp_path: Path) -> None:
+    with bench(tmp_path) as emulator:
+        emulator.firmware.baud = 250000
+        wrong = quick(str(emulator.link), laser="M106", lasers=(0, 1))
+        with pytest.raises(DeviceUnrecognised, match="does not answer as Marlin"):
+            wrong.connect()
+        with connected(emulator, baud=250000) as table:
+            assert table.move_to(9.0) == pytest.approx(9.0)
+
+
 def test_another_board_is_named_by_what_it_is_not(tmp_path: Path) -> None:
     stranger = FabScan(Plant(Wiring(3200.0)), baud=115200)
     with EmulatedPort(stranger, tmp_path / "port", Clock(10.0)) as emulator:
