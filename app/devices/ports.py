@@ -94,6 +94,12 @@ def resolve_port(name: str, ports: Callable[[], Sequence[SerialPort]] = serial_p
     raise DeviceNotFound(name, "this USB adapter is not plugged in")
 
 
+def lasting_name(path: str, ports: Callable[[], Sequence[SerialPort]] = serial_ports) -> str:
+    """What a port that is plugged in now will be called after plugging it in again; empty where unknown."""
+    real = str(Path(path).resolve())
+    return next((port.stable_name for port in ports() if port.path in (path, real)), "")
+
+
 def join_group(path: str | Path) -> str:
     """The command that lets a user open a device, where the system has groups."""
     group = "dialout"

@@ -4,12 +4,13 @@ import contextlib
 import re
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from pathlib import Path
 
 import serial
 
-from app.devices.ports import join_group, resolve_port
+from app.devices.ports import SerialPort, join_group, lasting_name, resolve_port, serial_ports
 from app.errors import DeviceDenied, DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout, MoveStopped
 
 _POLL_S = 0.1
@@ -33,6 +34,7 @@ class SerialLink:
     Attributes:
         port: path or URL, as `serial.serial_for_url` takes it.
         device: what messages call it.
+        transcript: told every byte that goes out (`>`) or comes in (`<`), for a console or a log.
         overtaker: held by whoever stops the board, so that no second one interrupts the stop.
     """
 
@@ -44,6 +46,7 @@ class SerialLink:
         *,
         stop_bits: float = 1,
         on_lost: Callable[[], None] | None = None,
+        ports: Callable[[], Sequence[SerialPort]] = serial_ports,
     ) -> None:
         self.port, self.baud, self.device = port, baud, device
         self._stop_bits, self._on_lost = stop_bits, on_lost
@@ -52,6 +55,7 @@ class SerialLink:
         self._arrived = threading.Condition()
         self._dialogue, self.overtaker = threading.RLock(), threading.RLock()
         self._lost: str | None = None
+        self._ports, self._lasting = ports, ""
         self._interrupts = 0
         self._since: int | None = None
         self._reader: threading.Thread | None = None
@@ -63,18 +67,27 @@ class SerialLink:
         Raises:
             DeviceNotFound, DeviceDenied, DeviceError: with what to do.
         """
+        path = self._path()
         try:
             # Exclusive, so that a second program is told; network bridges do not know the option.
             self._serial = serial.serial_for_url(
-                resolve_port(self.port), self.baud, timeout=_POLL_S, write_timeout=_WRITE_TIMEOUT_S,
+                path, self.baud, timeout=_POLL_S, write_timeout=_WRITE_TIMEOUT_S,
                 stopbits=self._stop_bits, **({} if "://" in self.port else {"exclusive": True}),  # type: ignore[arg-type]
             )  # fmt: skip
         except (*GONE, ValueError) as error:
             raise open_error(self.port, self.device, error) from error
+        self._lasting = "" if "://" in path else lasting_name(path, self._ports)
         self._lost = None
         self._buffer.clear()
         self._reader = threading.Thread(target=self._read, name=f"serial {self.port}", daemon=True)
         self._reader.start()
+
+    def _path(self) -> str:
+        """The port as it is called now: an adapter that comes back as another node is found again."""
+        path = resolve_port(self.port, self._ports)
+        if "://" not in path and not Path(path).exists() and self._lasting:
+            return resolve_port(self._lasting, self._ports)
+        return path
 
     def close(self) -> None:
         """Let go of the port; never fails."""
