@@ -73,8 +73,10 @@ class Firmware:
         raise NotImplementedError
 
     def reset(self, time_s: float) -> None:
-        """The reset line: everything starts anew with the boot loader."""
+        """The reset line: everything starts anew with the boot loader; what is not sent yet never will be."""
         self.advance(time_s)
+        self._sent = deque(pair for pair in self._sent if pair[0] <= self.now_s)
+        self._line_free_s = self.now_s
         self._restart(self.boot_s)
 
     def restart_program(self) -> None:
