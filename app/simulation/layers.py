@@ -79,6 +79,16 @@ def within(box: Box, outer: Box) -> Box:
     return box[0] - top, box[1] - top, box[2] - left, box[3] - left
 
 
+def rims(outer: Box, inner: Box) -> tuple[Box, ...]:
+    """What a box has around one inside it; all of it around an empty one."""
+    if inner[0] >= inner[1] or inner[2] >= inner[3]:
+        return (outer,)
+    return (
+        (outer[0], inner[0], outer[2], outer[3]), (inner[1], outer[1], outer[2], outer[3]),
+        (inner[0], inner[1], outer[2], inner[2]), (inner[0], inner[1], inner[3], outer[3]),
+    )  # fmt: skip
+
+
 def around(boxes: Sequence[Box]) -> Box:
     """The smallest box about all that are not empty."""
     held = [box for box in boxes if box[0] < box[1] and box[2] < box[3]]

@@ -26,6 +26,7 @@ from app.simulation.layers import (
     blurred,
     camera_rays,
     grown,
+    rims,
     within,
 )
 from app.simulation.noise import Noise, normal_numbers, speckle_levels
@@ -84,7 +85,7 @@ class Renderer:
         for n in self._turning:
             drawing.print_on(part, n, self._turning[n], angle_rad)
         drawing.shade(part)
-        ambient = np.ascontiguousarray(self._blurred(part.seen)[area(within(box, part.box))])
+        ambient = self._blurred(part.seen)[area(within(box, part.box))]
         return View(self._still, self._still_ambient, part, box, ambient, tuple(meshes.values()))
 
     def glow(self, view: View, laser: str) -> Glow:
@@ -131,8 +132,12 @@ class Renderer:
         box = around([view.box, *(glow.box for glow in lasers.values())])
         top, left = box[0], box[2]
         amounts = np.tile(amount, width).reshape(width, channels)
-        gathered = view.still_ambient[area(box)] * amounts[: box[3] - left]
-        gathered[area(within(view.box, box))] = view.part_ambient * amounts[: view.box[3] - view.box[2]]
+        gathered = np.empty((box[1] - top, box[3] - left, channels), np.float32)
+        for edge in rims(box, view.box):
+            still = view.still_ambient[area(edge)]
+            np.multiply(still, amounts[: edge[3] - edge[2]], out=gathered[area(within(edge, box))])
+        inner = gathered[area(within(view.box, box))]
+        np.multiply(view.part_ambient, amounts[: inner.shape[1]], out=inner)
         for number, (name, glow) in enumerate(lasers.items(), start=1):
             tint = TINTS[self.scene.scanner.sources[name].colour] if channels == 3 else (_GREY_TINT,)
             strength = colour * np.float32(exposure.lasers.get(name, 1.0))
