@@ -36,6 +36,7 @@ _CODE = re.compile(r"^( *)```(\w*)\n(.*?)^\1```", re.DOTALL | re.MULTILINE)
 _ROW = re.compile(r"^\| `(\w+)` \| (.*?) \|", re.MULTILINE)
 _LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 _COMMAND = re.compile(r"\bturnscan ([a-z]+)\b([^`\n#]*)")
+_OPTION = re.compile(r"(?<=\s)-{1,2}[a-zA-Z][a-z-]*")
 _SENTENCE = re.compile(r"^\| \*(.+?)\* \|", re.MULTILINE)
 
 
@@ -132,14 +133,18 @@ def test_every_command_and_option_that_is_mentioned_exists(
     monkeypatch.setenv("COLUMNS", "300")
     monkeypatch.setenv("TERMINAL_WIDTH", "300")
     mentioned: dict[str, set[str]] = {}
+    alone: set[str] = set()
     for page in _PAGES:
+        alone.update(re.findall(r"`(--[a-z-]+)", page.read_text()))
         for command, rest in _COMMAND.findall(page.read_text()):
-            mentioned.setdefault(command, set()).update(re.findall(r"(?<=\s)-{1,2}[a-zA-Z][a-z-]*", rest))
+            mentioned.setdefault(command, set()).update(_OPTION.findall(rest))
     assert {"scan", "doctor", "devices", "emulate"} <= set(mentioned)
     for command, options in mentioned.items():
         assert run([command, "--help"]) == 0, command
-        known = set(re.findall(r"(?<=\s)-{1,2}[a-zA-Z][a-z-]*", capsys.readouterr().out))
+        known = set(_OPTION.findall(capsys.readouterr().out))
         assert options <= known, command
+        alone -= known
+    assert not alone
 
 
 @pytest.mark.parametrize(("page", "command"), [("scanning.md", "scan"), ("doctor.md", "doctor")])
