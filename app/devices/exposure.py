@@ -171,7 +171,7 @@ class _Search:
         if self.name is ControlName.GAIN:
             return 0.5 * (below.value + above.value)
         if below.is_seen and below.bright_grey > 0.0:
-            guess = below.value * (_WISHED_GREY / below.bright_grey) ** (1.0 / self._bend())
+            guess = below.value * math.pow(_WISHED_GREY / below.bright_grey, 1.0 / self._bend())
             if below.value * _CLOSE_ENOUGH < guess < above.value / _CLOSE_ENOUGH:
                 return guess
         return math.sqrt(below.value * above.value)

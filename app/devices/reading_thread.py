@@ -134,7 +134,7 @@ class ReadingThread(Generic[S]):
                 frame = source.read()
                 if frame is not None:
                     with self._changed:
-                        self._frames.append(replace(frame, arrived_s=time.monotonic()))
+                        self._frames.append(_stamped(frame))
                         self._changed.notify_all()
             self._end(DeviceLost(self._device, "has been let go"))
         except DeviceError as error:
@@ -164,3 +164,7 @@ class ReadingThread(Generic[S]):
                     future.set_exception(error)
             self._jobs.clear()
             self._changed.notify_all()
+
+
+def _stamped(frame: RawFrame) -> RawFrame:
+    return replace(frame, arrived_s=time.monotonic()) if frame.arrived_s is None else frame

@@ -232,6 +232,12 @@ def test_a_stream_without_a_picture_in_it_is_not_recognised(server: PictureServe
         UrlCamera(server.url()).connect()
 
 
+def test_pictures_that_are_empty_are_none(server: PictureServer) -> None:
+    server.picture = lambda: b""  # type: ignore[method-assign]
+    with pytest.raises(DeviceUnrecognised, match="sends no picture"):
+        UrlCamera(server.url("/shot.jpg"), fps=1000.0).connect()
+
+
 def test_ffmpeg_is_asked_for_what_is_new_and_for_its_patience() -> None:
     video = FakeVideo()
     with opened(UrlCamera("rtsp://phone/live", timeout_s=3.0, capture_class=video.open)) as driver:

@@ -3,7 +3,7 @@
 import importlib
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from types import ModuleType
 from typing import Any
@@ -12,8 +12,8 @@ import numpy as np
 
 from app.devices.camera_controls import lacks
 from app.devices.camera_driver import CAMERAS, CameraFacts, Control, ControlName, RawFrame
-from app.devices.reading_thread import ReadingThread
-from app.errors import DeviceDenied, DeviceError, DeviceLost, DeviceNotFound, DeviceRefused
+from app.devices.read_ahead_camera import ReadAheadCamera
+from app.errors import DeviceDenied, DeviceLost, DeviceNotFound, DeviceRefused
 from app.vision.stripe import Image
 
 _OPEN_S = 15.0
@@ -41,7 +41,7 @@ _VALUES = {
 }
 
 
-class PiCamera:
+class PiCamera(ReadAheadCamera["_Sensor"]):
     """A camera on the ribbon cable. It tells to the microsecond when each picture was exposed.
 
     Pictures come as pixels. Exposure is in microseconds, gain in times, focus in dioptres, white balance in
@@ -63,45 +63,10 @@ class PiCamera:
         fps: float = 30.0,
         load: Callable[[str], ModuleType] = importlib.import_module,
     ) -> None:
-        self.number, self.name, self.fps = number, name, fps
+        super().__init__(name, _OPEN_S)
+        self.number, self.fps = number, fps
         self.width, self.height = width, height
         self._load = load
-        self._reader: ReadingThread[_Sensor] | None = None
-        self._facts: CameraFacts | None = None
-
-    @property
-    def facts(self) -> CameraFacts:
-        if self._facts is None:
-            raise self._not_connected()
-        return self._facts
-
-    def connect(self) -> None:
-        self.disconnect()
-        reader = ReadingThread(self.name, self._open, _OPEN_S)
-        self._facts = reader.ask(lambda sensor: sensor.facts)
-        self._reader = reader
-
-    def disconnect(self) -> None:
-        reader, self._reader = self._reader, None
-        if reader is not None:
-            reader.close()
-
-    def grab(self, timeout_s: float) -> RawFrame:
-        return self._connected().grab(timeout_s)
-
-    def controls(self) -> Mapping[ControlName, Control]:
-        return self._connected().ask(lambda sensor: sensor.controls())
-
-    def set_control(self, name: ControlName, value: float | None) -> Control:
-        return self._connected().ask(lambda sensor: sensor.set_control(name, value))
-
-    def _connected(self) -> "ReadingThread[_Sensor]":
-        if self._reader is None:
-            raise self._not_connected()
-        return self._reader
-
-    def _not_connected(self) -> DeviceError:
-        return DeviceLost(self.name, "is not connected")
 
     def _open(self) -> "_Sensor":
         try:

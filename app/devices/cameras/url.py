@@ -2,8 +2,9 @@
 
 import contextlib
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -13,19 +14,21 @@ from app.devices.camera_driver import CAMERAS, CameraFacts, Control, ControlName
 from app.devices.capture_controls import Capture
 from app.devices.http_pictures import Address, HttpPictures, shown
 from app.devices.opencv_quiet import opencv_quiet
-from app.devices.reading_thread import BlockingSource, ReadingThread
-from app.errors import DeviceError, DeviceLost, DeviceNotFound, DeviceUnrecognised
+from app.devices.read_ahead_camera import ReadAheadCamera
+from app.devices.reading_thread import BlockingSource
+from app.errors import DeviceLost, DeviceNotFound, DeviceUnrecognised
 from app.recording.picture import inspect
 
 _HTTP = ("http://", "https://")
 _FFMPEG = ("rtsp://", "rtsps://", "rtmp://", "udp://", "rtp://")
-_FIRST_PICTURE_S = 5.0
+# So many empty pictures in a row are no camera.
+_MOST_EMPTY = 10
 # Packets over TCP, because a lost one tears a picture; nothing kept back, because old pictures are of no use.
 _FFMPEG_OPTIONS = "rtsp_transport;tcp|fflags;nobuffer|flags;low_delay"
 _RTSP_HINT = "Check the address, its path, and that no other program holds the camera."
 
 
-class UrlCamera:
+class UrlCamera(ReadAheadCamera["_NetworkCamera"]):
     """Pictures from an address. It has no controls, and does not tell when a picture was exposed.
 
     Attributes:
@@ -47,65 +50,35 @@ class UrlCamera:
         timeout_s: float = 5.0,
         capture_class: Callable[[str, int, Sequence[int]], Capture] | None = None,
     ) -> None:
-        self.name, self.fps, self.timeout_s = name, fps, timeout_s
+        super().__init__(name, 3.0 * timeout_s)
+        self.fps, self.timeout_s = fps, timeout_s
         self._address = Address(url, checks_certificate, timeout_s)
         self._open_capture = capture_class or cv2.VideoCapture
-        self._reader: ReadingThread[BlockingSource] | None = None
-        self._facts: CameraFacts | None = None
-        self._first: RawFrame | None = None
 
-    @property
-    def facts(self) -> CameraFacts:
-        if self._facts is None:
-            raise self._not_connected()
-        return self._facts
-
-    def connect(self) -> None:
-        self.disconnect()
+    def _open(self) -> "_NetworkCamera":
         url = self._address.url
         if not url.startswith(_HTTP + _FFMPEG):
             hint = f"Give an address that begins with one of: {', '.join(_HTTP + _FFMPEG)}."
             raise DeviceNotFound(self.name, f"{shown(url)} is no address of a camera", hint)
-        reader = ReadingThread(self.name, self._open, 2.0 * self.timeout_s)
+        is_http = url.startswith(_HTTP)
+        source = HttpPictures(self.name, self._address, self.fps) if is_http else self._open_video()
         try:
-            first = reader.grab(_FIRST_PICTURE_S)
-            size, gives_jpeg = self._size_of(first)
-        except DeviceError:
-            reader.close()
+            return self._begin(source)
+        except BaseException:
+            source.close()
             raise
-        self._first, self._reader = first, reader
-        self._facts = CameraFacts("network camera", self._address.shown, size, 0.0, False, gives_jpeg)
 
-    def disconnect(self) -> None:
-        reader, self._reader = self._reader, None
-        if reader is not None:
-            reader.close()
-
-    def grab(self, timeout_s: float) -> RawFrame:
-        reader = self._connected()
-        first, self._first = self._first, None
-        return first or reader.grab(timeout_s)
-
-    def controls(self) -> Mapping[ControlName, Control]:
-        self._connected()
-        return {}
-
-    def set_control(self, name: ControlName, value: float | None) -> Control:
-        self._connected()
-        raise lacks(self.name, name)
-
-    def _connected(self) -> ReadingThread[BlockingSource]:
-        if self._reader is None:
-            raise self._not_connected()
-        return self._reader
-
-    def _not_connected(self) -> DeviceError:
-        return DeviceLost(self.name, "is not connected")
-
-    def _open(self) -> BlockingSource:
-        if self._address.url.startswith(_HTTP):
-            return HttpPictures(self.name, self._address, self.fps)
-        return self._open_video()
+    def _begin(self, source: BlockingSource) -> "_NetworkCamera":
+        """The first picture tells what the camera is."""
+        first = next((frame for _ in range(_MOST_EMPTY) if (frame := source.read()) is not None), None)
+        if first is None:
+            raise DeviceUnrecognised(
+                self.name, f"{self._address.shown} sends no picture", "Check the address."
+            )
+        first = replace(first, arrived_s=time.monotonic())
+        size, gives_jpeg = self._size_of(first)
+        facts = CameraFacts("network camera", self._address.shown, size, 0.0, False, gives_jpeg)
+        return _NetworkCamera(self.name, source, facts, [first])
 
     def _open_video(self) -> "_NetworkVideo":
         timeout_ms = round(1000.0 * self.timeout_s)
@@ -129,6 +102,31 @@ class UrlCamera:
                 raise DeviceUnrecognised(self.name, problem, "Check the address.") from error
         height, width = np.asarray(frame.data).shape[:2]
         return (width, height), False
+
+
+@dataclass(frozen=True, slots=True)
+class _NetworkCamera:
+    """A source of pictures whose first is known already."""
+
+    name: str
+    source: BlockingSource
+    facts: CameraFacts
+    known: list[RawFrame]
+
+    def read(self) -> RawFrame | None:
+        return self.known.pop() if self.known else self.source.read()
+
+    def controls(self) -> Mapping[ControlName, Control]:
+        return {}
+
+    def set_control(self, name: ControlName, value: float | None) -> Control:
+        raise lacks(self.name, name)
+
+    def interrupt(self) -> None:
+        self.source.interrupt()
+
+    def close(self) -> None:
+        self.source.close()
 
 
 @dataclass(frozen=True, slots=True)

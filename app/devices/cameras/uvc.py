@@ -14,7 +14,7 @@ from app.devices.camera_driver import CAMERAS, CameraFacts, Control, ControlName
 from app.devices.capture_controls import BACKENDS, Backend, Capture, CaptureControls
 from app.devices.jpeg import whole_jpeg
 from app.devices.opencv_quiet import opencv_quiet
-from app.devices.reading_thread import ReadingThread
+from app.devices.read_ahead_camera import ReadAheadCamera
 from app.devices.video_nodes import VideoNode, VideoNodes, control_ranges
 from app.errors import DeviceDenied, DeviceError, DeviceLost, DeviceNotFound, DeviceUnrecognised, OptionError
 from app.recording.picture import inspect
@@ -34,7 +34,7 @@ _PRIVACY = {
 }
 
 
-class UvcCamera:
+class UvcCamera(ReadAheadCamera["_Webcam"]):
     """A camera behind V4L2 on Linux, Media Foundation or DirectShow on Windows, AVFoundation on macOS.
 
     Pictures come as the camera's own JPEG where it has MJPG and lets it through; else as pixels. Once it was
@@ -64,53 +64,14 @@ class UvcCamera:
         nodes: VideoNodes | None = None,
         platform: str = sys.platform,
     ) -> None:
-        self.device, self.name, self.buffers = device, name, buffers
+        super().__init__(name, _OPEN_S)
+        self.device, self.buffers = device, buffers
         self.width, self.height, self.fps, self.fourcc = width, height, fps, fourcc
         self._platform = platform
         self._backend = _backend_of(backend, platform)
         self._open_capture = capture_class or cv2.VideoCapture
         self._nodes = nodes or VideoNodes()
         self._stable_path: Path | None = None
-        self._reader: ReadingThread[_Webcam] | None = None
-        self._facts: CameraFacts | None = None
-
-    @property
-    def facts(self) -> CameraFacts:
-        if self._facts is None:
-            raise self._not_connected()
-        return self._facts
-
-    def connect(self) -> None:
-        self.disconnect()
-        node = self._node()
-        target: int | str = self._target(node)
-        reader = ReadingThread(self.name, lambda: self._open(target, node), _OPEN_S)
-        self._facts = reader.ask(lambda webcam: webcam.facts)
-        self._reader = reader
-        if node is not None:
-            self._stable_path = node.stable_path
-
-    def disconnect(self) -> None:
-        reader, self._reader = self._reader, None
-        if reader is not None:
-            reader.close()
-
-    def grab(self, timeout_s: float) -> RawFrame:
-        return self._connected().grab(timeout_s)
-
-    def controls(self) -> Mapping[ControlName, Control]:
-        return self._connected().ask(lambda webcam: webcam.controls.read())
-
-    def set_control(self, name: ControlName, value: float | None) -> Control:
-        return self._connected().ask(lambda webcam: webcam.controls.write(name, value))
-
-    def _connected(self) -> "ReadingThread[_Webcam]":
-        if self._reader is None:
-            raise self._not_connected()
-        return self._reader
-
-    def _not_connected(self) -> DeviceError:
-        return DeviceLost(self.name, "is not connected")
 
     def _node(self) -> VideoNode | None:
         """The video node that is meant; None where the system lists none, or not this one."""
@@ -154,7 +115,9 @@ class UvcCamera:
         hint = f"There is: {', '.join(listed)}." if listed else "Plug it in; no camera at all is there now."
         return DeviceNotFound(self.name, f"there is no camera {str(self.device)!r}", hint)
 
-    def _open(self, target: int | str, node: VideoNode | None) -> "_Webcam":
+    def _open(self) -> "_Webcam":
+        node = self._node()
+        target = self._target(node)
         # Read by OpenCV when it first waits in vain; ten seconds would be its own choice.
         os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "2")
         with opencv_quiet():
@@ -165,12 +128,14 @@ class UvcCamera:
         try:
             self._ask_for_format(capture)
             ranges = control_ranges(target) if isinstance(target, str) else {}
-            controls = CaptureControls(self.name, capture, self._backend, ranges)
-            webcam = _Webcam(self.name, capture, controls, self._facts_of(capture, target, node))
+            knobs = CaptureControls(self.name, capture, self._backend, ranges)
+            webcam = _Webcam(self.name, capture, knobs, self._facts_of(capture, target, node))
             webcam.begin()
         except BaseException:
             capture.release()
             raise
+        if node is not None:
+            self._stable_path = node.stable_path
         return webcam
 
     def _refusal(self, target: int | str) -> DeviceError:
@@ -207,7 +172,7 @@ class _Webcam:
 
     name: str
     capture: Capture
-    controls: CaptureControls
+    knobs: CaptureControls
     facts: CameraFacts
     empty: int = 0
 
@@ -235,11 +200,17 @@ class _Webcam:
             time.sleep(_EMPTY_PAUSE_S)
             return None
         self.empty = 0
-        exposure_us = self.controls.exposure_us
+        exposure_us = self.knobs.exposure_us
         exposed_s = self._exposed_s(arrived_s, exposure_us) if self.facts.has_timestamps else None
         if not self.facts.gives_jpeg:
             return RawFrame(np.asarray(picture, np.uint8), exposed_s, exposure_us)
         return RawFrame(_jpeg_of(picture) or _bytes_of(picture), exposed_s, exposure_us)
+
+    def controls(self) -> Mapping[ControlName, Control]:
+        return self.knobs.read()
+
+    def set_control(self, name: ControlName, value: float | None) -> Control:
+        return self.knobs.write(name, value)
 
     def interrupt(self) -> None:
         """OpenCV cannot be interrupted."""
