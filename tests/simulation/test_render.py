@@ -9,7 +9,7 @@ from simulated_scenes import OFF_AXIS_MM, on_the_table
 from app.errors import OptionError
 from app.geometry.arrays import Floats, Pixels
 from app.simulation.noise import Noise
-from app.simulation.objects import cube, sphere
+from app.simulation.objects import cube, make_object, sphere
 from app.simulation.render import Renderer, render_shot
 from app.simulation.rig import SimulatedRig, standard_rig
 from app.simulation.scene import Scene
@@ -199,6 +199,42 @@ def test_noise_grows_with_the_light_as_electrons_do(small: SimulatedRig) -> None
 
     assert abs(float(np.mean(pictures.var(axis=0)[where] / expected)) - 1.0) < 0.02
     assert float(np.abs(pictures.mean(axis=0)[where] - view.ambient[where]).mean()) < 0.25
+
+
+@pytest.mark.parametrize("has_markers", [False, True])
+def test_a_picture_drawn_in_part_is_the_one_drawn_whole(small: SimulatedRig, has_markers: bool) -> None:
+    platter = PlatterSpec("DICT_4X4_50", 14.0, tuple(range(5))) if has_markers else None
+    scene = on_the_table(small, make_object("mug"), platter=platter, noise=Noise(), lens_blur_px=0.8)
+    # What does not turn is drawn once and for all, over the whole picture.
+    bodies = tuple(replace(body, turns=False, is_round=False) for body in scene.bodies)
+    renderers = Renderer(scene), Renderer(replace(scene, bodies=bodies))
+    part, whole = (renderer.look(0.0) for renderer in renderers)
+
+    assert part.box != whole.box
+    for what in ("depth", "owner", "normal", "albedo"):
+        assert (getattr(part, what) == getattr(whole, what)).all()
+    assert np.allclose(part.ambient, whole.ambient, atol=1e-4)
+    lights = [renderer.irradiance(renderer.look(0.0), "left") for renderer in renderers]
+    assert lights[0].max() > 30.0
+    assert np.allclose(lights[0], lights[1], atol=1e-3)
+    pictures = [renderer.expose(renderer.look(0.0), ("left",), 3) for renderer in renderers]
+    assert np.abs(pictures[0].astype(int) - pictures[1]).max() <= 1
+
+
+def test_noise_of_one_pixel_says_nothing_of_another(small: SimulatedRig) -> None:
+    renderer = Renderer(on_the_table(small, sphere()))
+    view, noise = renderer.look(0.0), Noise(0.0, electrons_per_grey=1.0, read_grey=8.0)
+    spread = np.sqrt(view.ambient + 8.0**2)
+    one, two = (
+        (renderer.expose(view, (), seed, noise).astype(np.float64) - view.ambient) / spread for seed in (1, 2)
+    )
+    one, two = (np.where(view.ambient > 15.0, part - part.mean(), 0.0) for part in (one, two))
+    others = (
+        one[:, 1:] * one[:, :-1], one[1:] * one[:-1], one[:, :, 1:] * one[:, :, :-1], one * two
+    )  # fmt: skip
+
+    for product in others:
+        assert abs(float(product.mean())) < 0.015
 
 
 def test_the_table_turns_counter_clockwise_seen_from_above(scanner: SimulatedRig) -> None:
