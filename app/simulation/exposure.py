@@ -34,7 +34,7 @@ class Exposure:
 
 
 @dataclass(frozen=True, slots=True)
-class CameraSettings:
+class SensorSettings:
     """The controls of the simulated camera; with those here the picture is as the scene says.
 
     Attributes:

@@ -11,7 +11,7 @@ import numpy as np
 from app.geometry.transform import RigidTransform, rotation_about
 from app.simulation.beam import Glow
 from app.simulation.boards import board_body, board_plate, table_bodies
-from app.simulation.exposure import CameraSettings
+from app.simulation.exposure import SensorSettings
 from app.simulation.objects import SimulatedObject, make_object
 from app.simulation.poses import fitting_board, standing_pose
 from app.simulation.render import Renderer
@@ -88,9 +88,9 @@ class Stage:
     def rehearse(self) -> None:
         """Compile and draw beforehand what the first picture would take long for."""
         lasers = dict.fromkeys(self.scanner.sources, 1.0)
-        self.picture(Moment("object", 0, None, 0.0, 1.0, lasers, 0), CameraSettings())
+        self.picture(Moment("object", 0, None, 0.0, 1.0, lasers, 0), SensorSettings())
 
-    def picture(self, moment: Moment, settings: CameraSettings) -> Image:
+    def picture(self, moment: Moment, settings: SensorSettings) -> Image:
         """What the camera makes of a moment, (H, W, 3)."""
         renderer = self._renderer(moment, settings)
         seen = self._seen(renderer, moment)
@@ -98,7 +98,7 @@ class Stage:
         lasers = {name: seen.laser(name, renderer) for name in moment.lasers}
         return renderer.sense(seen.view, lasers, moment.seed, exposure=exposure)
 
-    def _renderer(self, moment: Moment, settings: CameraSettings) -> Renderer:
+    def _renderer(self, moment: Moment, settings: SensorSettings) -> Renderer:
         placement = moment.placement if moment.thing == "board-on-table" else 0
         key = moment.thing, placement, round(settings.blur_px(1.0), 2)
         with self._lock:

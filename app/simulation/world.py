@@ -11,7 +11,7 @@ import numpy as np
 from app.errors import OptionError
 from app.geometry.rig import Rig
 from app.simulation.clock import Clock
-from app.simulation.exposure import CameraSettings
+from app.simulation.exposure import SensorSettings
 from app.simulation.firmware.kernel import FIRMWARES, Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
@@ -100,7 +100,7 @@ class SimulatedWorld:
         hands = Hands.of(self.rig, self.stage.board, across_lasers=across_lasers, seed=self.plan.seed)
         self._change(thing="board-in-hands", hands=hands, held_since_s=self.clock.now_s())
 
-    def expose(self, start_s: float, settings: CameraSettings) -> Callable[[], Image]:
+    def expose(self, start_s: float, settings: SensorSettings) -> Callable[[], Image]:
         """Take in what the world was like while a picture was exposed; render it when somebody looks.
 
         Args:

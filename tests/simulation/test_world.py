@@ -12,7 +12,7 @@ import pytest
 
 from app.errors import OptionError
 from app.geometry.arrays import Floats
-from app.simulation.exposure import STANDARD_EXPOSURE_US, CameraSettings
+from app.simulation.exposure import STANDARD_EXPOSURE_US, SensorSettings
 from app.simulation.firmware.motion import ramped_move
 from app.simulation.hands import Hands
 from app.simulation.history import History
@@ -43,7 +43,7 @@ def make_world(tmp_path: Path) -> Iterator[MakeWorld]:
 def seen(world: SimulatedWorld, after_s: float = 0.0, **settings: float) -> Floats:
     """What the camera sees some time from now, as the machine is going to stand."""
     at_s = world.clock.now_s() + after_s
-    return world.expose(at_s, CameraSettings(**settings))().astype(np.float64)
+    return world.expose(at_s, SensorSettings(**settings))().astype(np.float64)
 
 
 def turn(world: SimulatedWorld, start_s: float, steps: float, speed: float, from_steps: float = 0.0) -> None:
@@ -56,7 +56,7 @@ def test_a_picture_shows_the_table_in_the_middle_of_its_exposure(make_world: Mak
     start_s = world.clock.now_s()
     turn(world, start_s, steps / 10.0, steps)
     turn(world, start_s + 1.0, -steps / 5.0, steps, steps / 10.0)
-    settings = CameraSettings(exposure_us=20_000.0)
+    settings = SensorSettings(exposure_us=20_000.0)
     standing = world.expose(start_s - 1.0, settings)().astype(np.float64)
     # Half way through the second move the table passes where it stood at the start.
     passing, earlier = (
@@ -71,7 +71,7 @@ def test_a_laser_counts_by_the_share_of_the_exposure_in_which_it_was_lit(make_wo
     world.light = 0.0
     now_s = world.clock.now_s()
     world.plant.switch(0, True, now_s + 1.0)
-    settings = CameraSettings()
+    settings = SensorSettings()
     none, half, full = (
         float(world.expose(now_s + 1.0 + s, settings)().astype(np.float64)[:, :, 2].sum())
         for s in (-1.5 * EXPOSED_S, -0.5 * EXPOSED_S, 0.0)
@@ -123,8 +123,8 @@ def test_gain_brings_noise_that_a_longer_exposure_does_not(make_world: MakeWorld
     world = make_world()
     noise = {}
     for name, settings in (
-        ("long", CameraSettings(exposure_us=2.0 * STANDARD_EXPOSURE_US)),
-        ("gain", CameraSettings(gain=2.0)),
+        ("long", SensorSettings(exposure_us=2.0 * STANDARD_EXPOSURE_US)),
+        ("gain", SensorSettings(gain=2.0)),
     ):
         one, two = (world.expose(at_s, settings)().astype(np.float64) for at_s in (1.0, 2.0))
         noise[name] = float((one - two).var())
@@ -178,7 +178,7 @@ def test_a_picture_shows_what_was_there_when_it_was_exposed(make_world: MakeWorl
     before_s = world.clock.now_s()
     world.put("nothing")
     after = seen(world)
-    before = world.expose(before_s - EXPOSED_S, CameraSettings())().astype(np.float64)
+    before = world.expose(before_s - EXPOSED_S, SensorSettings())().astype(np.float64)
 
     assert np.count_nonzero(np.abs(after - before).max(axis=2) > 12.0) > 500
 
@@ -188,7 +188,7 @@ def test_the_board_is_found_in_the_hands(make_world: MakeWorld) -> None:
     world.hold_board()
     found = 0
     for number in range(6):
-        picture = world.expose(world.clock.now_s() + 1.3 * number, CameraSettings())()
+        picture = world.expose(world.clock.now_s() + 1.3 * number, SensorSettings())()
         found += bool(len(detect_board(picture, world.stage.board).ids))
 
     assert found == 6
@@ -219,7 +219,7 @@ def test_hands_hold_the_board_across_every_laser_when_asked() -> None:
 
 def test_the_same_moment_gives_the_same_picture(make_world: MakeWorld) -> None:
     world = make_world()
-    one, two, other = (world.expose(at_s, CameraSettings())() for at_s in (1.0, 1.0, 1.1))
+    one, two, other = (world.expose(at_s, SensorSettings())() for at_s in (1.0, 1.0, 1.1))
 
     assert (one == two).all()
     assert (one != other).any()

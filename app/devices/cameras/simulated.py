@@ -10,7 +10,7 @@ from dataclasses import replace
 from app.devices.camera_driver import CAMERAS, CameraFacts, Control, ControlName, Picture, RawFrame
 from app.errors import DeviceLost, DeviceNotFound, DeviceRefused, DeviceTimeout
 from app.recording.picture import encode
-from app.simulation.exposure import CameraSettings
+from app.simulation.exposure import SensorSettings
 from app.simulation.history import History
 from app.simulation.world import SimulatedWorld
 
@@ -42,7 +42,7 @@ class SimulatedCamera:
         self.world = world
         self._fps = world.plan.fps
         self._changed = threading.Condition()
-        self._settings = History(CameraSettings(), _SETTINGS_KEPT_S)
+        self._settings = History(SensorSettings(), _SETTINGS_KEPT_S)
         self._automatic: set[ControlName] = set()
         self._stale: deque[int] = deque()
         self._next = 0
@@ -177,7 +177,7 @@ class SimulatedCamera:
 
     def _by_itself(self, name: ControlName) -> float:
         """What its automatics find; exposure goes by the room, lasers are too small to count."""
-        value = float(getattr(CameraSettings(), _FIELDS[name]))
+        value = float(getattr(SensorSettings(), _FIELDS[name]))
         if name is ControlName.EXPOSURE:
             value /= max(self.world.light, 1e-3)
         lowest, highest = self._range(name)
