@@ -222,7 +222,8 @@ class SerialLink:
         return DeviceLost(self.device, "the port is gone" if self._lost else "is not connected")
 
 
-_LINE = re.compile(rb"([^\r\n]*)(?:\r\n|\n|\r(?!\n))")
+# A carriage return ends a line once it is known that no line feed follows it.
+_LINE = re.compile(rb"([^\r\n]*)(?:\r?\n|\r(?=[^\n]))")
 
 
 def open_error(port: str, device: str, error: BaseException) -> DeviceError:
