@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 from camera_contract import CameraContract, drain, picture
 from fake_capture import MJPG, YUYV, FakeWebcam
@@ -115,6 +116,21 @@ def test_a_damaged_picture_is_left_to_be_counted(webcam: FakeWebcam, nodes: Vide
         assert camera.state.lost >= 3
     finally:
         camera.disconnect()
+
+
+def test_a_camera_that_begins_with_damaged_pictures_still_gives_jpeg(
+    webcam: FakeWebcam, nodes: VideoNodes
+) -> None:
+    sent = []
+
+    def make(image: Image) -> bytes:
+        sent.append(encode(image, "jpeg"))
+        return sent[-1][: 500 if len(sent) < 4 else None]
+
+    webcam.makes_jpeg = make
+    with opened(uvc(webcam, nodes)) as driver:
+        assert driver.facts.gives_jpeg
+        assert picture(driver).data in sent[3:]
 
 
 def test_a_driver_that_decodes_in_spite_of_our_wish_gives_pixels(
@@ -303,6 +319,23 @@ def test_a_read_that_hangs_holds_nobody_up(webcam: FakeWebcam, nodes: VideoNodes
 def test_an_unknown_backend_is_an_option_error() -> None:
     with pytest.raises(OptionError, match="'directx'"):
         UvcCamera(backend="directx")
+
+
+def test_a_capture_of_opencv_itself_fits(nodes: VideoNodes, tmp_path: Path) -> None:
+    path = tmp_path / "clip.mp4"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"mp4v"), 25.0, (64, 48))
+    for number in range(12):
+        writer.write(np.full((48, 64, 3), 20 * number, np.uint8))
+    writer.release()
+    driver = UvcCamera(
+        2, nodes=nodes, platform="linux", capture_class=lambda *_: cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    )
+    with opened(driver):
+        assert driver.facts.size == (64, 48)
+        assert not driver.controls()
+        assert getattr(picture(driver).data, "shape", None) == (48, 64, 3)
+        with pytest.raises(DeviceLost, match="sends no more pictures"):
+            drain(driver)
 
 
 def test_it_is_known_by_its_name() -> None:

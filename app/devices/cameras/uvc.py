@@ -18,11 +18,13 @@ from app.devices.read_ahead_camera import ReadAheadCamera
 from app.devices.video_nodes import VideoNode, VideoNodes, control_ranges
 from app.errors import DeviceDenied, DeviceError, DeviceLost, DeviceNotFound, DeviceUnrecognised, OptionError
 from app.recording.picture import inspect
+from app.vision.stripe import Image
 
 _OPEN_S = 15.0
 _FIRST_PICTURE_S = 5.0
 # So many empty reads in a row, and the camera is given up.
 _MOST_EMPTY = 5
+_MOST_DAMAGED = 10
 _EMPTY_PAUSE_S = 0.01
 # A time stamp of the monotonic clock is no older than this when its picture arrives.
 _OLDEST_S = 1.0
@@ -180,7 +182,7 @@ class _Webcam:
         """Let the camera's own JPEG through where it has any, and learn from a picture what really comes."""
         if int(self.capture.get(cv2.CAP_PROP_FOURCC)) == _MJPG:
             self.capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
-            data = _jpeg_of(self._first())
+            data = self._first_jpeg()
             if data is not None:
                 self._learn(inspect(data).size, True)
                 return
@@ -191,9 +193,9 @@ class _Webcam:
         self._learn((picture.shape[1], picture.shape[0]), False)
 
     def read(self) -> RawFrame | None:
-        is_read, picture = self.capture.read()
+        picture = self._picture()
         arrived_s = time.monotonic()
-        if not is_read or picture is None:
+        if picture is None:
             self.empty += 1
             if self.empty >= _MOST_EMPTY or not _is_there(self.facts.place):
                 raise DeviceLost(self.name, "sends no more pictures")
@@ -203,8 +205,8 @@ class _Webcam:
         exposure_us = self.knobs.exposure_us
         exposed_s = self._exposed_s(arrived_s, exposure_us) if self.facts.has_timestamps else None
         if not self.facts.gives_jpeg:
-            return RawFrame(np.asarray(picture, np.uint8), exposed_s, exposure_us)
-        return RawFrame(_jpeg_of(picture) or _bytes_of(picture), exposed_s, exposure_us)
+            return RawFrame(picture, exposed_s, exposure_us)
+        return RawFrame(_jpeg_of(picture) or picture.tobytes(), exposed_s, exposure_us)
 
     def controls(self) -> Mapping[ControlName, Control]:
         return self.knobs.read()
@@ -218,12 +220,32 @@ class _Webcam:
     def close(self) -> None:
         self.capture.release()
 
-    def _first(self) -> "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]":
+    def _picture(self) -> Image | None:
+        """What OpenCV read; it raises where it cannot undo a format that it was asked not to decode."""
+        try:
+            is_read, picture = self.capture.read()
+        except cv2.error:
+            return None
+        return np.asarray(picture, np.uint8) if is_read and picture is not None and picture.size else None
+
+    def _first_jpeg(self) -> bytes | None:
+        """None where OpenCV decodes all the same. Cameras may begin with a few that are damaged."""
+        for _ in range(_MOST_DAMAGED):
+            picture = self._picture()
+            if picture is None:
+                time.sleep(_EMPTY_PAUSE_S)
+            elif picture.size != max(picture.shape):
+                return None
+            elif (data := _jpeg_of(picture)) is not None:
+                return data
+        return None
+
+    def _first(self) -> Image:
         deadline_s = time.monotonic() + _FIRST_PICTURE_S
         while True:
-            is_read, picture = self.capture.read()
-            if is_read and picture is not None and picture.size:
-                return np.asarray(picture, np.uint8)
+            picture = self._picture()
+            if picture is not None:
+                return picture
             if time.monotonic() > deadline_s:
                 raise DeviceUnrecognised(
                     self.name,
@@ -261,16 +283,10 @@ def _is_there(place: str) -> bool:
     return not place.startswith("/") or Path(place).exists()
 
 
-def _bytes_of(picture: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]") -> bytes:
-    return np.asarray(picture, np.uint8).tobytes()
-
-
-def _jpeg_of(picture: "np.ndarray[tuple[int, ...], np.dtype[np.uint8]]") -> bytes | None:
-    """The JPEG that a flat array of bytes holds; None where it holds none."""
-    if picture.size != max(picture.shape):
-        return None
+def _jpeg_of(picture: Image) -> bytes | None:
+    """The JPEG that an array of bytes holds; None where it holds none."""
     try:
-        return whole_jpeg(_bytes_of(picture))
+        return whole_jpeg(picture.tobytes())
     except ValueError:
         return None
 
