@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 import tomlkit
 
+from app.checkup.checkup import CHECKS
 from app.cli.main import run
 from app.devices.bench import Bench
 from app.devices.bench_file import BenchDescription, parse_bench
@@ -157,6 +158,14 @@ def test_tables_of_options_are_whole(
     known = set(re.findall(r"│\s+(--[a-z-]+)", capsys.readouterr().out)) - {"--help"}
     rows = re.findall(r"^\| (`-[^|]*) \|", (_DOCS / page).read_text(), re.MULTILINE)
     assert {option for row in rows for option in re.findall(r"--[a-z-]+", row)} == known
+
+
+def test_every_finding_of_the_doctor_is_explained() -> None:
+    groups = "|".join(check.name for check in CHECKS)
+    source = "\n".join(file.read_text() for file in sorted((_ROOT / "app" / "checkup").glob("*.py")))
+    made = set(re.findall(rf'"((?:{groups})\.[a-z-]+)', source))
+    told = set(re.findall(rf"`((?:{groups})\.[a-z-]+)", (_DOCS / "doctor.md").read_text()))
+    assert told == made | {"board.connection", "camera.connection"}
 
 
 def test_every_simulated_board_that_is_mentioned_exists_and_every_one_is_mentioned() -> None:
