@@ -1,6 +1,5 @@
 """How long a picture is under way, and how many old ones a camera keeps: a laser is the signal."""
 
-import math
 import statistics
 import time
 from collections.abc import Sequence
@@ -18,8 +17,9 @@ _WHOLE = 0.85
 _CHANGED = 0.3
 _LONGEST_S = 1.5
 _PAUSES = 2
-_LEAST_PAUSE_S = 0.7
-_MOST_STALE = 30
+_LEAST_PAUSE_S = 0.5
+_MOST_STALE = 12
+_CATCH_UP = 60
 # A picture that came sooner than this after it was asked for had been waiting.
 _WAITED_PERIODS = 0.3
 
@@ -116,8 +116,8 @@ def measure_latency(
         if trial is None:
             return None
         trials.append(trial)
-        # Twice what was needed, so that the next ones need not be waited for so long.
-        wait_s = min(_LONGEST_S, 2.0 * (trial.after.arrived_s - sent_s) + 3.0 * period_s)
+        # The next ones need not be waited for much longer than this one.
+        wait_s = min(_LONGEST_S, 1.5 * (trial.after.arrived_s - sent_s) + 3.0 * period_s)
     stamps = _stamps(trials)
     return Latency(
         _by_stamps(trials)
@@ -148,7 +148,8 @@ def measure_stale(
         bench.switch(laser, is_on)
         time.sleep(pause_s)
         stale = 0
-        for arrival in [reader.grab() for _ in range(_fewest(period_s))]:
+        # Looked at afterwards, so that looking does not make it a late reader again.
+        for arrival in [reader.grab() for _ in range(_MOST_STALE)]:
             if _progress(reader, signal, arrival, is_on) > _CHANGED:
                 break
             stale += 1
@@ -156,15 +157,10 @@ def measure_stale(
     return min(counts)
 
 
-def _fewest(period_s: float) -> int:
-    """As many as come within half a second, and some that may have waited."""
-    return min(_MOST_STALE, 6 + math.ceil(0.5 / period_s))
-
-
 def _catch_up(reader: RawReader, period_s: float) -> Arrival:
     """Read until pictures have to be waited for; the last one."""
     arrival = reader.grab()
-    for _ in range(_MOST_STALE):
+    for _ in range(_CATCH_UP):
         if arrival.arrived_s - arrival.asked_s > _WAITED_PERIODS * period_s:
             break
         arrival = reader.grab()

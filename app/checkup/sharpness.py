@@ -5,9 +5,12 @@ import numpy as np
 
 from app.vision.stripe import Image
 
-_REBLUR_PX = 1.5
+_REBLUR_PX = 2.5
+# Noise would pass for edges. What smoothing adds is taken off again, and so is the width of the differences.
+_SMOOTH_PX = 1.0
+_DIFFERENCE_PX = 3.0**-0.5
 _EDGE_SHARE = 0.002
-_LEAST_STEEP_GREY = 6.0
+_LEAST_STEEP_GREY = 2.5
 _FEWEST = 60
 
 
@@ -18,7 +21,6 @@ def blur_px(image: Image) -> float:
     sqrt(b² + s²) / b (Zhuo and Sim, Defocus map estimation from a single image, 2011).
     """
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
-    # Noise would pass for edges; what this adds is taken off again.
     plain = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _SMOOTH_PX)
     steep = _steepness(plain)
     level = max(float(np.quantile(steep, 1.0 - _EDGE_SHARE)), _LEAST_STEEP_GREY)
@@ -30,10 +32,7 @@ def blur_px(image: Image) -> float:
     factors = steep[is_ridge] / np.maximum(softer[is_ridge], 1e-3)
     factor = max(float(np.median(factors)), 1.0 + 1e-3)
     total = _REBLUR_PX / float(np.sqrt(factor**2 - 1.0))
-    return float(np.sqrt(max(total**2 - _SMOOTH_PX**2, 0.0)))
-
-
-_SMOOTH_PX = 0.7
+    return float(np.sqrt(max(total**2 - _SMOOTH_PX**2 - _DIFFERENCE_PX**2, 0.0)))
 
 
 def _steepness(grey: np.ndarray) -> np.ndarray:

@@ -1,0 +1,108 @@
+"""`turnscan doctor` as a person runs it: what it says, its exit code, its file."""
+
+import json
+from pathlib import Path
+
+import pytest
+from command_line import turnscan
+
+BENCH = """
+name = "small bench"
+[turntable]
+driver = "simulated"
+direction = "ccw"
+settle_s = 0.0
+[camera]
+driver = "simulated"
+[[lasers]]
+name = "left"
+channel = 1
+colour = "red"
+[[lasers]]
+name = "right"
+channel = {right}
+colour = "red"
+[platter]
+kind = "aruco"
+dictionary = "DICT_4X4_50"
+marker_mm = 14.0
+ids = [0, 1, 2, 3, 4, 5, 6, 7]
+[simulation]
+width = 640
+height = 360
+rate = 16.0
+{planted}
+"""
+
+
+@pytest.fixture
+def bench_file(tmp_path: Path) -> Path:
+    return tmp_path / "bench.toml"
+
+
+def plant(bench_file: Path, planted: str = "", right: int = 2) -> Path:
+    bench_file.write_text(BENCH.format(planted=planted, right=right))
+    return bench_file
+
+
+def test_a_healthy_bench_ends_well_and_in_a_report(bench_file: Path, tmp_path: Path) -> None:
+    out = tmp_path / "report.json"
+    ended = turnscan(
+        "doctor", "--bench", plant(bench_file), "--only", "board,machine,lasers", "--folder", tmp_path,
+        "--json", out,
+    )  # fmt: skip
+
+    assert ended.code == 0, ended.said
+    assert "All that was measured is in order." in ended.said
+    report = json.loads(out.read_text())
+    assert report["bench"] == "small bench"
+    assert report["is_well"]
+    assert {finding["check"] for finding in report["findings"]} >= {"machine.disk", "lasers.which"}
+
+
+def test_a_fault_is_told_with_what_to_do_and_ends_with_1(bench_file: Path) -> None:
+    ended = turnscan("doctor", "--bench", plant(bench_file, "wrong_direction = true"), "--only", "turntable")
+
+    assert ended.code == 1
+    assert "wrong direction" in ended.said
+    assert 'direction = "cw"' in ended.said
+
+
+def test_a_laser_on_a_channel_that_the_board_lacks_is_named(bench_file: Path) -> None:
+    ended = turnscan("doctor", "--bench", plant(bench_file, right=7), "--only", "lasers")
+
+    assert ended.code == 1
+    assert "channel 7, which the board does not have" in ended.said
+
+
+def test_a_check_that_does_not_exist_is_refused(bench_file: Path) -> None:
+    ended = turnscan("doctor", "--bench", plant(bench_file), "--only", "soul")
+
+    assert ended.code == 2
+    assert "'soul'" in ended.sentence
+    assert "turntable" in ended.sentence
+
+
+def test_a_board_that_is_not_there_leaves_what_can_be_looked_at(bench_file: Path, tmp_path: Path) -> None:
+    text = BENCH.format(planted="", right=2)
+    text = text.replace(
+        'driver = "simulated"\ndirection', f'driver = "horus"\nport = "{tmp_path}/none"\ndirection'
+    )
+    bench_file.write_text(text)
+    ended = turnscan("doctor", "--bench", bench_file, "--only", "picture,turntable")
+
+    assert ended.code == 1
+    assert f"{tmp_path}/none" in ended.said
+    assert "the board is not connected" in ended.said
+
+
+def test_a_bench_of_which_nothing_is_there_cannot_be_looked_at(bench_file: Path, tmp_path: Path) -> None:
+    bench_file.write_text(
+        f'[turntable]\ndriver = "horus"\nport = "{tmp_path}/none"\n'
+        f'[camera]\ndriver = "folder"\nfolder = "{tmp_path}/no-pictures"\n'
+    )
+    ended = turnscan("doctor", "--bench", bench_file)
+
+    assert ended.code == 2
+    assert ended.sentence
+    assert "Traceback" not in ended.said
