@@ -16,7 +16,7 @@ from scripted_camera import SIZE, noise_picture
 from app.devices.camera import Camera
 from app.devices.camera_driver import CAMERAS, CameraDriver
 from app.devices.cameras.url import UrlCamera
-from app.devices.http_pictures import shown
+from app.devices.http_request import shown
 from app.errors import (
     DeviceDenied,
     DeviceError,

@@ -292,7 +292,7 @@ def test_a_camera_that_is_let_go_is_free_for_others(webcam: FakeWebcam, nodes: V
 def test_a_camera_that_opens_and_sends_nothing_is_told_so(
     webcam: FakeWebcam, nodes: VideoNodes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("app.devices.cameras.uvc._FIRST_PICTURE_S", 0.05)
+    monkeypatch.setattr("app.devices.webcam._FIRST_PICTURE_S", 0.05)
     webcam.is_mute = True
     with pytest.raises(DeviceUnrecognised, match="sends no picture"):
         uvc(webcam, nodes).connect()

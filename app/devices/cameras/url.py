@@ -12,7 +12,8 @@ import numpy as np
 from app.devices.camera_controls import lacks
 from app.devices.camera_driver import CAMERAS, CameraFacts, Control, ControlName, RawFrame
 from app.devices.capture_controls import Capture
-from app.devices.http_pictures import Address, HttpPictures, shown
+from app.devices.http_pictures import HttpPictures
+from app.devices.http_request import Address, shown
 from app.devices.opencv_quiet import opencv_quiet
 from app.devices.read_ahead_camera import ReadAheadCamera
 from app.devices.reading_thread import BlockingSource
