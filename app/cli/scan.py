@@ -127,15 +127,17 @@ class _Progress:
         self.began_s = time.monotonic()
 
     def taken(self, taken: Taken, entry: FrameEntry) -> None:
-        note = f"{self.session.shots} pictures"
+        note = ""
         if self.live is not None:
             self.live.add(taken)
             rate = self.live.points / max(time.monotonic() - self.began_s, 1e-3)
-            note += f", {self.live.points:,} points, {rate:,.0f}/s"
+            note = f"{self.live.points:,} points, {rate:,.0f}/s"
         if self.session.plan.mode == "step":
             self.show("Scanning", self.session.shots, self.session.plan.shots, note)
         else:
-            self.show("Scanning", round(1000 * self.session.done), 1000, note)
+            # How many pictures there will be depends on the camera; how far the table turns does not.
+            turned = self.session.plan.turn_deg * len(self.session.plan.passes)
+            self.show("Degrees", round(turned * self.session.done), round(turned), note)
 
     def waiting(self, problem: str) -> None:
         console.print("[yellow]Paused:[/]", end=" ")

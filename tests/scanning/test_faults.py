@@ -28,7 +28,7 @@ from app.scanning.run import Recovery, run_scan
 from app.scanning.session import ScanSession
 
 SCANS, FAULTS_EACH = 20, 10
-_STEPS = 12
+_STEPS = 40
 _RATE = 10.0
 _LONGEST_S = 60.0
 _DARK_WITHIN_S = 1.0
@@ -52,7 +52,7 @@ class Trouble:
     def run(self) -> None:
         chance = random.Random(self.seed)
         world, camera = world_of(self.bench), camera_of(self.bench)
-        while len(self.happened) < FAULTS_EACH and not self.is_over.wait(chance.uniform(0.02, 0.25)):
+        while len(self.happened) < FAULTS_EACH and not self.is_over.wait(chance.uniform(0.02, 0.2)):
             name = chance.choice(("unplug", "garbage", "freeze", "reset", "slow", "silence", "camera gone"))
             self.happened.append((time.monotonic(), name))
             pause_s = chance.uniform(0.02, 0.4)
@@ -78,7 +78,7 @@ class Trouble:
 
 @pytest.mark.parametrize("seed", range(SCANS))
 def test_random_faults_lose_nothing(tmp_path: Path, seed: int) -> None:
-    described = description(has_platter=True, width=640, height=480, rate=_RATE, seed=seed)
+    described = description(has_platter=True, width=400, height=300, rate=_RATE, seed=seed)
     with bench_with(described) as bench:
         session = begin(tmp_path / "scan", bench, plan(_STEPS, lasers=("left",)))
         truth, trouble = Truth(bench), Trouble(bench, seed)
@@ -92,6 +92,7 @@ def test_random_faults_lose_nothing(tmp_path: Path, seed: int) -> None:
         trouble.is_over.set()
         faults.join()
         assert not is_hanging, f"the scan hangs after {trouble.happened}"
+        assert len(trouble.happened) == FAULTS_EACH
         assert session.status in ("finished", "paused")
         assert is_dark(bench)
         _check_darkness(bench, trouble)
