@@ -49,11 +49,11 @@ class Layers:
             backdrop.copy(),
         )  # fmt: skip
 
-    def part(self, box: Box) -> "Layers":
-        """A copy of a part of a whole picture."""
+    def part(self, box: Box, rays: F32) -> "Layers":
+        """A copy of a part of a whole picture, with its rays."""
         where = area(box)
         return Layers(
-            box, self.rays[where].copy(), self.depth[where].copy(), self.owner[where].copy(),
+            box, rays, self.depth[where].copy(), self.owner[where].copy(),
             self.normal[where].copy(), self.albedo[where].copy(), self.seen[where].copy(),
         )  # fmt: skip
 

@@ -18,6 +18,7 @@ from app.simulation.drawing import Drawing
 from app.simulation.exposure import Exposure
 from app.simulation.layers import (
     F32,
+    Box,
     Layers,
     area,
     around,
@@ -64,6 +65,7 @@ class Renderer:
         bodies = scene.bodies
         self._turning = {n: drawn[n] for n in drawn if bodies[n].turns and bodies[n].texture is not None}
         self._beams: dict[str, Beam] = {}
+        self._last_rays: tuple[Box, F32] | None = None
 
     def look(self, angle_rad: float, moved: Mapping[int, RigidTransform] | None = None) -> View:
         """The scene at a table angle.
@@ -78,7 +80,7 @@ class Renderer:
         changes = [drawing.extent(n, meshes[n], pixels[n]) for n in meshes]
         reach, size = blur_reach(self.scene.lens_blur_px), self._still.depth.shape
         box = grown(around([*changes, *self._turning.values()]), reach, size)
-        part = self._still.part(grown(box, reach, size))
+        part = self._part(grown(box, reach, size))
         drawn = {n: drawing.draw(part, n, mesh, pixels[n]) for n, mesh in meshes.items()}
         for n in drawn:
             drawing.print_on(part, n, drawn[n], angle_rad, moved)
@@ -153,6 +155,13 @@ class Renderer:
             noise.electrons_per_grey, noise.read_grey**2, normal_numbers(), np.uint64(seed), image,
         )  # fmt: skip
         return image.reshape(height, width, channels) if channels == 3 else image
+
+    def _part(self, box: Box) -> Layers:
+        """A part of the still picture to draw on; that of a turning object hardly changes."""
+        last = self._last_rays
+        if last is None or last[0] != box:
+            last = self._last_rays = box, self._still.rays[area(box)].copy()
+        return self._still.part(box, last[1])
 
     def _blurred(self, seen: F32) -> F32:
         """What the lens makes of it, and a camera without colours."""

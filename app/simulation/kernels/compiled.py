@@ -254,6 +254,7 @@ def paint(
         1.0 / samples,
     )
     last_column, last_row = texture.shape[1] - 1.001, texture.shape[0] - 1.001
+    texels, stride, one = texture.ravel(), texture.shape[1], np.uint64(1)
     for v in range(top, bottom):
         for u in range(left, right):
             face = owner[v, u] - first_face
@@ -284,15 +285,17 @@ def paint(
                     grey = 0.0
                     for sv in range(samples):
                         along_v = (sv + 0.5) * per_sample - 0.5
+                        column_v, row_v = column + along_v * cv, row + along_v * rv
                         for su in range(samples):
                             along_u = (su + 0.5) * per_sample - 0.5
-                            sc = min(max(column + along_u * cu + along_v * cv, 0.0), last_column)
-                            sr = min(max(row + along_u * ru + along_v * rv, 0.0), last_row)
-                            c, r = np.uint64(np.int64(sc)), np.uint64(np.int64(sr))
-                            fc, fr = np.float32(sc - np.int64(sc)), np.float32(sr - np.int64(sr))
-                            c_next, r_next = c + np.uint64(1), r + np.uint64(1)
-                            upper = texture[r, c] + fc * (texture[r, c_next] - texture[r, c])
-                            lower = texture[r_next, c] + fc * (texture[r_next, c_next] - texture[r_next, c])
+                            sc = min(max(column_v + along_u * cu, 0.0), last_column)
+                            sr = min(max(row_v + along_u * ru, 0.0), last_row)
+                            whole_c, whole_r = np.int64(sc), np.int64(sr)
+                            fc, fr = np.float32(sc - whole_c), np.float32(sr - whole_r)
+                            at = np.uint64(whole_r * stride + whole_c)
+                            below = at + np.uint64(stride)
+                            upper = texels[at] + fc * (texels[at + one] - texels[at])
+                            lower = texels[below] + fc * (texels[below + one] - texels[below])
                             grey += upper + fr * (lower - upper)
                     grey *= per_sample * per_sample
             for n in range(3):
@@ -404,12 +407,15 @@ def near(
     n0, n1, n2 = np.float32(plane[0]), np.float32(plane[1]), np.float32(plane[2])
     offset, widest = np.float32(distance_mm), np.float32(widest_mm)
     rows, columns = np.empty(height * width, np.int32), np.empty(height * width, np.int32)
+    ahead = np.empty(width, np.float32)
     count = 0
     for v in range(height):
         for u in range(width):
-            rows[count], columns[count] = v, u
-            ahead = (n0 * rays[v, u, 0] + n1 * rays[v, u, 1] + n2) * depth[v, u] - offset
-            count += abs(ahead) <= widest
+            ahead[u] = abs((n0 * rays[v, u, 0] + n1 * rays[v, u, 1] + n2) * depth[v, u] - offset)
+        for u in range(width):
+            if ahead[u] <= widest:
+                rows[count], columns[count] = v, u
+                count += 1
     return rows[:count].copy(), columns[:count].copy()
 
 
