@@ -203,8 +203,10 @@ def picture(driver: CameraDriver) -> RawFrame:
                 raise
 
 
-def drain(driver: CameraDriver, timeout_s: float = 1.0) -> None:
+def drain(driver: CameraDriver, timeout_s: float = 1.0, taken: list[RawFrame] | None = None) -> None:
     """Take whatever is under way, until an error ends it."""
     deadline_s = time.monotonic() + _SOON_S
     while time.monotonic() < deadline_s:
-        driver.grab(timeout_s)
+        frame = driver.grab(timeout_s)
+        if taken is not None:
+            taken.append(frame)

@@ -27,6 +27,7 @@ class ScriptedCamera:
         picture: makes the data of a picture from its number.
         is_frozen, is_stuck: it sends nothing; it sends the same picture for ever.
         is_gone: as if unplugged.
+        late_s: how long a control takes to work.
         delay_s: from exposure to arrival; frames that are under way are those of the past.
         written: every control that was set, in order.
         exposures: when each picture's exposure began and the exposure control it was taken with.
@@ -34,7 +35,7 @@ class ScriptedCamera:
 
     def __init__(self, *, fps: float = 200.0, is_timed: bool = False, delay_s: float = 0.0) -> None:
         self.fps, self.is_timed, self.delay_s = fps, is_timed, delay_s
-        self.size = SIZE
+        self.size, self.late_s = SIZE, 0.0
         self.picture: Callable[[int], Picture] = noise_picture
         self.is_frozen = self.is_stuck = self.is_gone = False
         self.breaks_with: Exception | None = None
@@ -97,7 +98,7 @@ class ScriptedCamera:
             chosen = None if value is None else float(round(value))
             self._values[name] = chosen
             if name is ControlName.EXPOSURE:
-                self._history.append((time.monotonic(), chosen))
+                self._history.append((time.monotonic() + self.late_s, chosen))
             return Control(name, chosen, 0.0, 1e6, value is None)
 
     def _frame(self, now_s: float) -> RawFrame:

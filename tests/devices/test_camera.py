@@ -325,6 +325,15 @@ def test_settings_of_a_use_are_written_where_they_differ_and_hold_for_later_fres
     assert len(scripted.written) == 7
 
 
+def test_a_control_that_works_one_picture_late_is_waited_for() -> None:
+    scripted = ScriptedCamera(fps=50.0, is_timed=True)
+    scripted.late_s = 0.9 / scripted.fps
+    with connected(Camera(scripted)) as camera:
+        for exposure_us in (100.0, 200.0, 300.0, 400.0):
+            camera.set_control(_EXPOSURE, exposure_us)
+            assert camera.fresh_frame().exposure_us == exposure_us
+
+
 def test_exposure_can_be_left_to_the_camera(camera: Camera) -> None:
     assert camera.set_control(_EXPOSURE, None).is_automatic
     assert camera.controls()[_EXPOSURE].is_automatic

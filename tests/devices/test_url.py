@@ -14,7 +14,7 @@ from picture_server import PictureServer
 from scripted_camera import SIZE, noise_picture
 
 from app.devices.camera import Camera
-from app.devices.camera_driver import CAMERAS, CameraDriver
+from app.devices.camera_driver import CAMERAS, CameraDriver, RawFrame
 from app.devices.cameras.url import UrlCamera
 from app.devices.http_request import shown
 from app.errors import (
@@ -185,8 +185,11 @@ def test_a_stream_that_stops_is_lost(server: PictureServer) -> None:
 def test_a_stream_that_ends_is_lost(server: PictureServer) -> None:
     with opened(UrlCamera(server.url())) as driver:
         server.cuts = True
+        taken: list[RawFrame] = []
         with pytest.raises(DeviceLost, match="has closed the connection"):
-            drain(driver)
+            drain(driver, taken=taken)
+    assert taken
+    assert all(isinstance(frame.data, bytes) and inspect(frame.data).size == SIZE for frame in taken)
 
 
 def test_half_a_picture_at_the_end_is_not_taken_for_one(server: PictureServer) -> None:

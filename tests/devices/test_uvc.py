@@ -211,6 +211,26 @@ def test_a_mac_has_pictures_and_no_controls(webcam: FakeWebcam) -> None:
         assert not driver.controls()
 
 
+def test_the_kernel_s_stamp_is_the_end_of_an_exposure(webcam: FakeWebcam, nodes: VideoNodes) -> None:
+    stamps_s: list[float] = []
+
+    def stamp() -> float:
+        stamps_s.append(time.monotonic())
+        return stamps_s[-1]
+
+    webcam.stamp = stamp
+    with opened(uvc(webcam, nodes)) as driver:
+        unknown = picture(driver).exposed_s
+        assert unknown is not None
+        assert min(abs(stamp_s - 1.0 / webcam.fps - unknown) for stamp_s in stamps_s) < 1e-5
+        driver.set_control(_EXPOSURE, 2000.0)
+        frame = picture(driver)
+        while frame.exposure_us is None:
+            frame = picture(driver)
+        assert frame.exposed_s is not None
+        assert min(abs(stamp_s - 0.002 - frame.exposed_s) for stamp_s in stamps_s) < 1e-5
+
+
 def test_times_of_another_clock_are_not_believed(webcam: FakeWebcam, nodes: VideoNodes) -> None:
     webcam.stamp = lambda: time.time() + 1e6
     with opened(uvc(webcam, nodes)) as driver:
