@@ -124,7 +124,7 @@ def _show(report: Report) -> None:
         console.print(f"[bold]{number}.[/] {_plain(finding.sentence)}", soft_wrap=True)
         console.print(f"   [bold]{_plain(finding.advice)}[/]", soft_wrap=True)
     for finding in report.findings:
-        if finding.state is State.SKIPPED:
+        if finding.state is State.SKIPPED and finding.advice:
             say([f"Not measured ({finding.check}): {finding.advice}"])
     if not report.troubles:
         say(["All that was measured is in order."])

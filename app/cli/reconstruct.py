@@ -72,11 +72,10 @@ def reconstruct_command(
     painter = PreviewPainter()
     target = sys.stdout.buffer if output == _STREAM else output
     with progress_bar() as show, PlyWriter(target, run.laser_names, ascii_text=ascii_text) as ply:
-        total = run.total * max(1, len(run.laser_names))
         for number, profile in enumerate(run, start=1):
             ply.append(profile.cloud)
             painter.add(profile.cloud)
-            show("Reconstructing", number, max(total, number), f"{ply.points:,} points")
+            show("Reconstructing", number, max(run.total, number), f"{ply.points:,} points")
     if picture is not None:
         painter.write(picture)
     report = run.report()

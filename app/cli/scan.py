@@ -80,6 +80,7 @@ def scan_command(
         try:
             machine = stack.enter_context(Bench.build(description, ask=_ask))
             machine.connect()
+            _say_what_is_unknown(machine)
             record = calibration_for(machine, calibration)
             if session is None:
                 names = tuple(laser or machine.lasers)
@@ -187,6 +188,16 @@ def _recovery(
 
 def _rig_of(record: CalibrationRecord | None) -> Rig | None:
     return None if record is None or record.axis is None or not record.lasers else record.rig
+
+
+def _say_what_is_unknown(bench: Bench) -> None:
+    is_guessed = bench.description.camera.driver in ("uvc", "url", "picamera") and not bench.camera.latency_s
+    if is_guessed and not bench.camera.facts.has_timestamps:
+        text = (
+            "The camera does not tell when it exposed, and the bench file has no latency_ms: a picture may "
+            "be one of the stop before. `turnscan doctor` measures it."
+        )
+        warn([text])
 
 
 def _check_lasers(bench: Bench, names: tuple[str, ...], record: CalibrationRecord | None) -> None:

@@ -68,7 +68,7 @@ def _height(record: CalibrationRecord, recording: Recording, show: ShowProgress)
         run = reconstruct_recording(recording, rig, scan_detector(), options)
         for number, profile in enumerate(run, start=1):
             points.append(profile.cloud.points)
-            show(_STAGE, number, max(number, run.total * len(run.laser_names)))
+            show(_STAGE, number, max(number, run.total))
     except ScannerError:
         # The calibration stands without it; what is wrong with these frames, their reconstruction tells.
         return float("nan")

@@ -75,7 +75,7 @@ class Reconstruction(Generic[T]):
         angles: tells the true angles.
         region: what is kept.
         options: see there.
-        total: how many stops there will be; 0 where nobody knows.
+        total: how many profiles there will be; 0 where nobody knows.
         tables: checks of the table that were made beforehand.
         warnings: what is known beforehand.
     """

@@ -76,7 +76,7 @@ def reconstruct_recording(
     angles = AngleReader(rig, layout or {}, _nominal(recording, stops), offset, direction)
     return Reconstruction(
         stops, loader.load, observer, angles, _region(rig, options, layout),
-        options, total=len(stops), tables=tuple(tables), warnings=tuple(warnings),
+        options, total=_profiles(stops), tables=tuple(tables), warnings=tuple(warnings),
     )  # fmt: skip
 
 
@@ -107,6 +107,10 @@ def reconstruct_shots(
         stops_of_shots(shots, turn_rad), _as_they_are, observer_for(rig, detector, colours, used),
         AngleReader(rig, (layout or {}) if used else {}), _region(rig, options, layout), options,
     )  # fmt: skip
+
+
+def _profiles(stops: list[Stop[FrameEntry]]) -> int:
+    return sum(len(view.lasers) for stop in stops for view in stop.views)
 
 
 def _as_they_are(stop: Stop[Shot]) -> Stop[Shot]:

@@ -2,18 +2,17 @@
 
 import contextlib
 import errno
-import fcntl
 import math
 import os
 import random
 import select
 import struct
 import threading
-import tty
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from app.errors import OptionError
 from app.simulation.clock import Clock
 from app.simulation.firmware.kernel import Firmware
 
@@ -44,6 +43,11 @@ class EmulatedPort:
         checks_baud: bool = True,
         seed: int = 0,
     ) -> None:
+        if not hasattr(os, "openpty"):
+            raise OptionError(
+                "A simulated board needs pseudo-terminals, which this system has not.",
+                "Use Linux or macOS, or the Windows Subsystem for Linux.",
+            )
         self.firmware, self.link, self.clock = firmware, link, clock or Clock()
         self._resets_on_open, self._checks_baud = resets_on_open, checks_baud
         self._random = random.Random(seed)
@@ -73,6 +77,8 @@ class EmulatedPort:
         with self._lock:
             if self._master >= 0:
                 return
+            import tty
+
             master, slave = os.openpty()
             # A terminal would echo what the board says back to it until the host has set it up.
             tty.setraw(slave)
@@ -231,5 +237,7 @@ def host_baud(handle: int) -> int:
     Raises:
         OSError: the system cannot tell; only Linux can.
     """
+    import fcntl
+
     raw = fcntl.ioctl(handle, _TCGETS2, bytes(struct.calcsize(_TERMIOS2)))
     return int(struct.unpack(_TERMIOS2, raw)[-1])
