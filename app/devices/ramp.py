@@ -2,6 +2,8 @@
 
 import math
 
+from app.devices.turntable import SteadyTurn
+
 
 def ramped_s(angle_deg: float, speed_deg_s: float, acceleration_deg_s2: float) -> float:
     """Seconds from rest to rest, at one acceleration."""
@@ -17,3 +19,17 @@ def longest_deg(duration_s: float, speed_deg_s: float, acceleration_deg_s2: floa
     if duration_s < 2.0 * ramp_s:
         return acceleration_deg_s2 * (0.5 * duration_s) ** 2
     return (duration_s - ramp_s) * speed_deg_s
+
+
+def ramped_turn(
+    from_deg: float, to_deg: float, speed_deg_s: float, acceleration_deg_s2: float, started_s: float
+) -> SteadyTurn:
+    """A steady turn at a positive speed, with a ramp at either end."""
+    return SteadyTurn(
+        from_deg,
+        to_deg,
+        math.copysign(speed_deg_s, to_deg - from_deg),
+        started_s,
+        steady_after_s=speed_deg_s / acceleration_deg_s2,
+        duration_s=ramped_s(to_deg - from_deg, speed_deg_s, acceleration_deg_s2),
+    )

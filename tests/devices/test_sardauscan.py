@@ -42,7 +42,7 @@ class TestSardauscan(TurntableContract):
         assert isinstance(driver, Sardauscan)
         # As if eight turns had been made: only the board's count matters, and the turns take minutes.
         emulator.firmware._position += 4 * 7990  # type: ignore[attr-defined]
-        driver._board_zero -= 7990
+        driver._bearings.count_anew(driver._bearings.at + 7990)
         reached = table.move_to(30.0)
         assert plant_state(emulator).angle_deg == pytest.approx(reached, abs=0.01)
 

@@ -4,16 +4,18 @@ import contextlib
 import math
 import re
 
+from app.devices.bearings import Bearings
+from app.devices.board_driver import BoardDriver
+from app.devices.laser_care import LASER_ANSWER_S, dark_unless_answered
 from app.devices.overtaking import alone
+from app.devices.refusals import check_laser, resets_again
 from app.devices.serial_link import SerialLink
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
 from app.errors import (
     DeviceError,
-    DeviceLost,
     DeviceRefused,
     DeviceTimeout,
     DeviceUnrecognised,
-    PositionUnknown,
 )
 
 _BAUD = 115200
@@ -26,12 +28,13 @@ _SPEED, _ACCELERATION, _HALF_STEPS = 500.0, 200.0, 4
 _PIECE_UNITS, _LIT_PIECE_UNITS = 50, 12
 # The board multiplies by four in 16 bits.
 _FARTHEST_UNITS = 8000
+_UNITS_PER_TURN = 1018
 # For what waits behind a piece.
 _PATIENCE_S = 3.0
 _BANNER = re.compile(rb"Sardauscan V(\S*)\r?\n")
 
 
-class Sardauscan:
+class Sardauscan(BoardDriver):
     """Arduino with a geared 28BYJ-48 and up to four lasers; firmware of Sardau/Sardauscan.
 
     The motor turns at one speed and keeps its current after the first move; the firmware cannot let it go.
@@ -42,33 +45,21 @@ class Sardauscan:
     """
 
     def __init__(self, port: str, name: str = "turntable") -> None:
-        self.port, self.name = port, name
-        self._link = SerialLink(port, _BAUD, name)
-        self._facts = TurntableFacts("Sardauscan", port, (), 360.0 / 1018)
-        self._units_per_turn = 1018
+        super().__init__(SerialLink(port, _BAUD, name), Bearings(name, _UNITS_PER_TURN / 360.0))
+        self._facts = TurntableFacts("Sardauscan", port, (), 360.0 / _UNITS_PER_TURN)
         self._lit: set[int] = set()
-        self._origin_deg = 0.0
-        self._units = self._board_zero = 0
-        self._underway: tuple[int, int] | None = None
         self._resets = 0
+        self._is_in_step = True
 
     @property
     def facts(self) -> TurntableFacts:
         return self._facts
 
     @property
-    def angle_deg(self) -> float:
-        return self._degrees(self._units)
-
-    @property
     def farewell(self) -> Farewell | None:
         # Opening resets the board, or it does not; both are waited for.
         lasers = b"".join(b"L %d 0\r" % channel for channel in self._facts.laser_channels)
         return Farewell(self.port, _BAUD, ((b"\r", 1.5), (lasers, 0.2)))
-
-    @property
-    def is_connected(self) -> bool:
-        return self._link.is_open
 
     def connect(self) -> None:
         is_new = not self._link.is_open
@@ -78,32 +69,31 @@ class Sardauscan:
         with self._link.dialogue():
             heard = self._link.listen(_BANNER_S, _BANNER) if is_new else self._link.discard()
             # Nothing that is asked now may raise PositionUnknown before all is in order.
-            underway, self._underway = self._underway, None
-            resets = self._resets
+            way, self._bearings.way = self._bearings.way, None
+            resets, self._is_in_step = self._resets, True
             try:
                 self._shake_hands(heard)
                 position = self._ask_position()
                 was_reset = _BANNER.search(heard) is not None or self._resets != resets
-                lost = self._place(position, underway, was_reset=was_reset, may_be_anew=True)
+                # A banner may have been missed, so that 0 says nothing after a move.
+                self._place(position, way, is_anew=was_reset or (way is not None and position == 0))
                 self._darken()
             except DeviceError:
-                self._underway = underway
+                self._bearings.way = way
                 self._link.close()
                 raise
-        if lost is not None:
-            raise lost
-
-    def disconnect(self) -> None:
-        if self._link.is_open:
-            self.make_safe()
-        self._link.close()
+        self._bearings.require_known()
 
     def move_to(self, angle_deg: float) -> float:
-        target = round((angle_deg - self._origin_deg) / 360.0 * self._units_per_turn)
         with self._link.dialogue():
-            while self._units != target:
+            if self._bearings.way is not None:
+                self._read_position()
+            self._bearings.require_known()
+            left = self._units_to(angle_deg)
+            while left:
                 longest = _LIT_PIECE_UNITS if self._lit else _PIECE_UNITS
-                self._turn(max(-longest, min(longest, target - self._units)))
+                self._turn(max(-longest, min(longest, left)))
+                left = self._units_to(angle_deg)
         return self.angle_deg
 
     def start_turning(self, angle_deg: float, speed_deg_s: float) -> SteadyTurn:
@@ -116,31 +106,21 @@ class Sardauscan:
     def finish_turning(self) -> float:
         return self.angle_deg
 
-    def position_now(self) -> float | None:
-        return None
-
     @alone
     def stop(self) -> float:
         self._link.interrupt()
         with self._link.dialogue():
             self._read_position()
+            self._bearings.require_known()
         return self.angle_deg
 
-    def zero(self, angle_deg: float = 0.0) -> None:
-        self._origin_deg += angle_deg - self.angle_deg
-        self._underway = None
-
     def set_laser(self, channel: int, is_on: bool) -> None:
-        if channel not in self._facts.laser_channels:
-            known = ", ".join(map(str, self._facts.laser_channels))
-            raise DeviceRefused(self.name, f"has no laser {channel}", f"Its lasers are {known}.")
+        check_laser(self.name, channel, self._facts.laser_channels)
         with self._link.dialogue(wait_s=120.0):
             # Counted as lit from before the command, so that no move takes it for dark.
             self._lit.add(channel)
-            wanted = b"1" if is_on else b"0"
-            reply = self._request(b"L %d %s" % (channel, wanted), rb"SET_LASER: \d+\(-?\d+\) = (\d)\r?\n")
-            if reply[1] != wanted:
-                raise DeviceError(self.name, f"did not switch laser {channel}")
+            with dark_unless_answered(self._link, b"L %d 0\r" % channel):
+                self._switch(channel, is_on)
             if not is_on:
                 self._lit.discard(channel)
 
@@ -156,6 +136,11 @@ class Sardauscan:
             with self._link.dialogue():
                 self._read_position()
                 self._darken()
+
+    def _switch(self, channel: int, is_on: bool) -> None:
+        command, answer = b"L %d %d" % (channel, is_on), rb"SET_LASER: %d\(-?\d+\) = (\d)\r?\n" % channel
+        if int(self._request(command, answer, LASER_ANSWER_S)[1]) != is_on:
+            raise DeviceError(self.name, f"did not switch laser {channel}")
 
     def talk(self, line: str) -> str:
         with self._link.dialogue():
@@ -180,64 +165,55 @@ class Sardauscan:
             raise DeviceUnrecognised(self.name, f"{self.port} {problem}") from error
         version = _BANNER.search(heard)
         told = self._request(b"T S", rb"REVOLUTION STEPS\s+=> (\d+)\r?\n")
-        self._units_per_turn = int(told[1])
+        units_per_turn = int(told[1])
+        self._bearings.count_anew(self._bearings.at, units_per_turn / 360.0)
         count = int(self._request(b"L", rb"LASER_COUNT: (\d+)\r?\n")[1])
-        fastest = _SPEED / _HALF_STEPS * 360.0 / self._units_per_turn
+        fastest = _SPEED / _HALF_STEPS * 360.0 / units_per_turn
         self._facts = TurntableFacts(
             f"Sardauscan {version[1].decode('ascii', 'replace') if version else ''}".strip(),
             self.port,
             tuple(range(count)),
-            360.0 / self._units_per_turn,
+            360.0 / units_per_turn,
             fastest_deg_s=fastest,
             can_turn_steadily=False,
         )
 
-    def _place(
-        self, position: int, underway: tuple[int, int] | None, *, was_reset: bool, may_be_anew: bool
-    ) -> PositionUnknown | None:
+    def _place(self, position: int, way: tuple[float, float] | None, *, is_anew: bool) -> None:
         """Make of the board's count an angle; a count that cannot be is that of a board that began anew.
 
         Args:
             position: what the board says.
-            underway: ends of the piece that was under way, as totals.
-            was_reset: its banner was seen.
-            may_be_anew: its banner may have been missed, so that 0 says nothing after a move.
+            way: of the piece that was under way.
+            is_anew: the board has begun anew for certain, or may have.
         """
-        self._underway = None
-        at = self._board_zero + position
-        lowest, highest = sorted(underway or (self._units, self._units))
-        is_doubtful = may_be_anew and position == 0 and underway is not None
-        if lowest <= at <= highest and not is_doubtful and not was_reset:
-            self._units = at
-            return None
-        self._board_zero = self._units - position
-        return None if underway is None else self._lost_position(underway)
+        self._bearings.way = way
+        lowest, highest = sorted(map(self._bearings.nearest, way or (self.angle_deg, self.angle_deg)))
+        if lowest <= position <= highest and not is_anew:
+            self._bearings.arrive(position)
+        else:
+            self._bearings.count_anew(position)
+            self._bearings.lose()
+
+    def _units_to(self, angle_deg: float) -> int:
+        return round(self._bearings.nearest(angle_deg) - self._bearings.at)
 
     def _turn(self, units: int) -> None:
         """One piece of a move."""
-        if abs(self._units + units - self._board_zero) > _FARTHEST_UNITS:
+        if abs(self._bearings.at + units) > _FARTHEST_UNITS:
             self._request(b"T C", rb"RESET CUTTENT POSITION[^\r\n]*\r?\n")
-            self._board_zero = self._units
+            self._bearings.count_anew()
         self._heed(self._link.discard())
-        target = self._units + units - self._board_zero
-        self._underway = (self._units, self._units + units)
+        target = round(self._bearings.at) + units
         pattern = re.compile(rb"ABSOLUTE ROTATION -?\d+ => (?P<at>-?\d+)\r?\n|" + _BANNER.pattern)
-        try:
-            self._link.write(b"T A %d\r" % target)
-        except DeviceLost:
-            self._underway = None
-            raise
+        self._link.write(b"T A %d\r" % target)
+        self._bearings.set_out(target)
         reply = self._link.wait_for(pattern, piece_s(abs(units)) + _REPLY_S, f"T A {target}")
         if reply["at"] is None:
             self._heed(reply[0])
-        self._units, self._underway = self._board_zero + int(reply["at"]), None
+        self._bearings.arrive(int(reply["at"]))
 
     def _read_position(self) -> None:
-        """Raises PositionUnknown when the board has reset itself in a move."""
-        position = self._ask_position()
-        lost = self._place(position, self._underway, was_reset=False, may_be_anew=False)
-        if lost is not None:
-            raise lost
+        self._place(self._ask_position(), self._bearings.way, is_anew=False)
 
     def _ask_position(self) -> int:
         return int(self._request(b"T", rb"Position (-?\d+)\r?\n", _PATIENCE_S)[1])
@@ -249,15 +225,20 @@ class Sardauscan:
 
     def _request(self, command: bytes, pattern: bytes, timeout_s: float = _REPLY_S) -> re.Match[bytes]:
         """Say something until it is answered; a board that has just reset itself is told once more."""
+        if not self._is_in_step and command != b"T":
+            # The answer to this is like no other.
+            self._ask_position()
         either = re.compile(pattern + b"|(?P<banner>" + _BANNER.pattern + b")")
         for _ in range(2):
             self._heed(self._link.discard())
+            self._is_in_step = False
             self._link.write(command + b"\r")
             reply = self._link.wait_for(either, timeout_s, command.decode())
+            self._is_in_step = True
             if reply["banner"] is None:
                 return reply
             self._heed(reply[0])
-        raise DeviceLost(self.name, "resets itself again and again", "Check its power supply.")
+        raise resets_again(self.name)
 
     def _heed(self, heard: bytes) -> None:
         """A banner in mid-dialogue: the board has reset itself, its count is 0 and its lasers are off.
@@ -268,17 +249,11 @@ class Sardauscan:
         if not _BANNER.search(heard):
             return
         self._resets += 1
-        self._board_zero = self._units
         self._lit.clear()
-        if self._underway is not None:
-            underway, self._underway = self._underway, None
-            raise self._lost_position(underway)
-
-    def _lost_position(self, ends: tuple[int, int]) -> PositionUnknown:
-        return PositionUnknown(self.name, *sorted(map(self._degrees, ends)))
-
-    def _degrees(self, units: int) -> float:
-        return self._origin_deg + 360.0 * units / self._units_per_turn
+        was_moving = self._bearings.way is not None
+        self._bearings.count_anew()
+        if was_moving:
+            raise self._bearings.lost()
 
 
 def piece_s(units: int) -> float:
