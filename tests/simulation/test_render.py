@@ -1,5 +1,6 @@
 """What the simulated camera sees."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -235,6 +236,19 @@ def test_noise_of_one_pixel_says_nothing_of_another(small: SimulatedRig) -> None
 
     for product in others:
         assert abs(float(product.mean())) < 0.015
+
+
+def test_several_threads_make_the_same_pictures_as_one(small: SimulatedRig) -> None:
+    renderer = Renderer(on_the_table(small, make_object("mug"), noise=Noise(), lens_blur_px=0.8))
+
+    def picture(number: int) -> bytes:
+        view = renderer.look(0.4 * (number % 5))
+        return renderer.expose(view, ("left", "right")[: number % 3], number).tobytes()
+
+    with ThreadPoolExecutor(4) as threads:
+        together = list(threads.map(picture, range(30)))
+
+    assert together == [picture(number) for number in range(30)]
 
 
 def test_the_table_turns_counter_clockwise_seen_from_above(scanner: SimulatedRig) -> None:
