@@ -17,6 +17,7 @@ from app.vision.stripe import Image, LaserStripe, LaserView
 
 _PICTURE_S = 5.0
 _UNTOLD_S = 0.5
+_LIT_SHARE, _BACK_SHARE = 0.05, 0.5
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,6 +42,11 @@ class LaserLook:
     def share(self) -> float:
         """Of the picture's rows, those that show the stripe."""
         return len(self.stripe) / len(self.lit)
+
+    @property
+    def is_lit(self) -> bool:
+        """Whether switching it on brought light."""
+        return brings_light(self.lit, self.dark, self.entry)
 
 
 @dataclass(eq=False, slots=True)
@@ -79,10 +85,16 @@ class Examination:
         return self._room
 
     @property
+    def switches_lasers(self) -> bool:
+        """Whether the board does; a person is too slow to be measured by, and lasers may be on for good."""
+        options = self.bench.description.turntable.options
+        return not (self.bench.turntable.facts.lasers_by_hand or options.get("are_lasers_always_on"))
+
+    @property
     def looks(self) -> tuple[LaserLook, ...]:
-        """Every laser of the bench file that the board has an output for, lit alone."""
+        """Every laser of the bench file that the board switches, lit alone."""
         if self._looks is None:
-            channels = self.bench.turntable.facts.laser_channels
+            channels = self.bench.turntable.facts.laser_channels if self.switches_lasers else ()
             self._looks = tuple(
                 self.look_at(name) for name, entry in self.bench.lasers.items() if entry.channel in channels
             )
@@ -109,6 +121,15 @@ class Examination:
             if corners:
                 return target, corners
         return None
+
+
+def brings_light(lit: Image, dark: Image, entry: LaserEntry) -> bool:
+    """Whether there is a stripe in one picture more than in the other.
+
+    The speckle of a laser that is on in both makes a stripe of their difference, whichever way it is taken.
+    """
+    more, less = len(stripe_of(lit, dark, entry)), len(stripe_of(dark, lit, entry))
+    return more >= _LIT_SHARE * len(lit) and less < _BACK_SHARE * more
 
 
 def stripe_of(lit: Image, dark: Image | None, entry: LaserEntry) -> LaserStripe:

@@ -5,14 +5,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from app.checkup.examination import Examination, LaserLook, stripe_of
+from app.checkup.examination import Examination, LaserLook, brings_light, stripe_of
 from app.checkup.finding import Finding, State
 from app.devices.bench_file import LaserEntry
 from app.geometry.arrays import Floats
 from app.geometry.rig import Rig
 from app.vision.stripe import LaserStripe
 
-_LIT_SHARE = 0.05
 _ALWAYS_ON_SHARE = 0.25
 # Half of the picture's width, about its middle, is where the axis is looked for.
 _MIDDLE_SHARE = 0.25
@@ -33,6 +32,10 @@ def measure_lasers(exam: Examination) -> tuple[Finding, ...]:
                 "Add a [[lasers]] table with name, channel and colour for each.",
             ),
         )  # fmt: skip
+    if not exam.switches_lasers:
+        return (
+            Finding("lasers.none", State.SKIPPED, "No board switches the lasers: they were not measured."),
+        )
     channels = exam.bench.turntable.facts.laser_channels
     findings = [
         _no_output(entry, channels) for entry in exam.bench.lasers.values() if entry.channel not in channels
@@ -42,7 +45,7 @@ def measure_lasers(exam: Examination) -> tuple[Finding, ...]:
         if findings[-1].is_trouble:
             continue
         findings += [judge_place(look), *judge_colour(look)]
-    lit = [look for look in exam.looks if look.share >= _LIT_SHARE]
+    lit = [look for look in exam.looks if look.is_lit]
     findings += judge_which(lit, _rig_of(exam))
     return tuple(findings)
 
@@ -50,11 +53,11 @@ def measure_lasers(exam: Examination) -> tuple[Finding, ...]:
 def judge_light(look: LaserLook) -> Finding:
     """Whether it can be switched on, and off again."""
     name, numbers = look.entry.name, {"rows_share": round(look.share, 3)}
-    if stripe_of(look.after, look.dark, look.entry).line.size >= _LIT_SHARE * len(look.dark):
+    if brings_light(look.after, look.dark, look.entry):
         return _stays_on(look.entry, "stays on after it was switched off")
-    if look.share >= _LIT_SHARE:
+    if look.is_lit:
         return Finding(f"lasers.light.{name}", State.OK, f"Laser {name} lights and goes out.", "", numbers)
-    if stripe_of(look.dark, None, look.entry).line.size >= _ALWAYS_ON_SHARE * len(look.dark):
+    if len(stripe_of(look.dark, None, look.entry)) >= _ALWAYS_ON_SHARE * len(look.dark):
         return _stays_on(look.entry, "seems to be on all the time: switching it changes nothing")
     return Finding(
         f"lasers.light.{name}", State.BAD,

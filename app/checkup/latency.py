@@ -120,11 +120,7 @@ def measure_latency(
         wait_s = min(_LONGEST_S, 1.5 * (trial.after.arrived_s - sent_s) + 3.0 * period_s)
     stamps = _stamps(trials)
     return Latency(
-        _by_stamps(trials)
-        if _are_right(stamps)
-        else _common(
-            [Bounds(t.before.arrived_s - t.answered_s, t.after.arrived_s - t.sent_s) for t in trials]
-        ),
+        _by_stamps(trials) if _are_right(stamps) else _by_switching(trials),
         stamps,
         statistics.median(t.answered_s - t.sent_s for t in trials),
         max(t.after.arrived_s - t.sent_s for t in trials),
@@ -200,6 +196,10 @@ def _common(bounds: Sequence[Bounds]) -> Bounds:
     if low > high:
         low, high = statistics.median(b.low for b in bounds), statistics.median(b.high for b in bounds)
     return Bounds(low, high)
+
+
+def _by_switching(trials: Sequence[_Trial]) -> Bounds:
+    return _common([Bounds(t.before.arrived_s - t.answered_s, t.after.arrived_s - t.sent_s) for t in trials])
 
 
 def _by_stamps(trials: Sequence[_Trial]) -> Bounds:

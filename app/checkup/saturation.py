@@ -9,13 +9,12 @@ from app.devices.exposure import find_exposure
 from app.devices.stripe_look import MOST_CLIPPED
 from app.errors import DeviceError
 
-_LIT_SHARE = 0.05
 _SPOILT_SHARE = 0.5
 
 
 def measure_saturation(exam: Examination) -> tuple[Finding, ...]:
     """Every laser that lights; for those that are too bright, the exposure search says what to write."""
-    lit = [look for look in exam.looks if look.share >= _LIT_SHARE]
+    lit = [look for look in exam.looks if look.is_lit]
     shares = {look.entry.name: float(np.mean(look.stripe.saturated)) for look in lit}
     return tuple(
         judge_saturation(look, shares[look.entry.name], _advice(exam, look.entry.name))

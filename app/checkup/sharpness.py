@@ -1,17 +1,24 @@
 """How sharp a picture is: the blur of its sharpest edges."""
 
+import math
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from app.vision.stripe import Image
 
-_REBLUR_PX = 2.5
+# How much the picture is blurred once more; the second where the first changes too little.
+_REBLURS_PX = (1.5, 3.0)
+_GOOD_FOR = 1.2
 # Noise would pass for edges. What smoothing adds is taken off again, and so is the width of the differences.
-_SMOOTH_PX = 1.0
+_SMOOTH_PX = 0.7
 _DIFFERENCE_PX = 3.0**-0.5
 _EDGE_SHARE = 0.002
-_LEAST_STEEP_GREY = 2.5
+_LEAST_STEEP_GREY = 2.0
 _FEWEST = 60
+
+_Plane = NDArray[np.float32]
 
 
 def blur_px(image: Image) -> float:
@@ -21,23 +28,24 @@ def blur_px(image: Image) -> float:
     sqrt(b² + s²) / b (Zhuo and Sim, Defocus map estimation from a single image, 2011).
     """
     grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) if image.ndim == 3 else image
-    plain = cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _SMOOTH_PX)
+    plain = np.asarray(cv2.GaussianBlur(grey.astype(np.float32), (0, 0), _SMOOTH_PX), np.float32)
     steep = _steepness(plain)
-    level = max(float(np.quantile(steep, 1.0 - _EDGE_SHARE)), _LEAST_STEEP_GREY)
-    # On the edge itself only, not on its flanks.
-    is_ridge = (steep >= level) & (steep >= cv2.dilate(steep, np.ones((3, 3), np.uint8)) - 1e-6)
-    if np.count_nonzero(is_ridge) < _FEWEST:
-        return float("nan")
-    softer = _steepness(cv2.GaussianBlur(plain, (0, 0), _REBLUR_PX))
-    factors = steep[is_ridge] / np.maximum(softer[is_ridge], 1e-3)
-    factor = max(float(np.median(factors)), 1.0 + 1e-3)
-    total = _REBLUR_PX / float(np.sqrt(factor**2 - 1.0))
-    return float(np.sqrt(max(total**2 - _SMOOTH_PX**2 - _DIFFERENCE_PX**2, 0.0)))
+    is_edge = steep >= max(float(np.quantile(steep, 1.0 - _EDGE_SHARE)), _LEAST_STEEP_GREY)
+    if np.count_nonzero(is_edge) < _FEWEST:
+        return math.nan
+    blur = math.nan
+    for reblur in _REBLURS_PX:
+        softer = _steepness(np.asarray(cv2.GaussianBlur(plain, (0, 0), reblur), np.float32))
+        factor = float(np.median(steep[is_edge] / np.maximum(softer[is_edge], 1e-3)))
+        seen = reblur / math.sqrt(max(factor**2 - 1.0, 1e-3))
+        blur = math.sqrt(max(seen**2 - _SMOOTH_PX**2 - _DIFFERENCE_PX**2, 0.0))
+        if blur < _GOOD_FOR * reblur:
+            break
+    return blur
 
 
-def _steepness(grey: np.ndarray) -> np.ndarray:
+def _steepness(grey: _Plane) -> _Plane:
     """Grey levels per pixel, by central differences."""
     across = cv2.filter2D(grey, cv2.CV_32F, np.array([[-0.5, 0.0, 0.5]]))
     down = cv2.filter2D(grey, cv2.CV_32F, np.array([[-0.5], [0.0], [0.5]]))
-    steep: np.ndarray = cv2.magnitude(across, down)
-    return steep
+    return np.asarray(cv2.magnitude(across, down), np.float32)

@@ -78,6 +78,10 @@ def judge_lost_steps(lost_deg: float, moves: int, smallest_deg: float) -> Findin
     )  # fmt: skip
 
 
+def no_board_turns_it() -> Finding:
+    return Finding("turntable.turn", State.SKIPPED, "No board turns the table: its turns were not measured.")
+
+
 def nothing_to_see(description: BenchDescription) -> Finding:
     has_any = description.platter is not None or description.board is not None
     if has_any:

@@ -11,6 +11,7 @@ from app.checkup.turn_words import (
     judge_lost_steps,
     judge_play,
     judge_scale,
+    no_board_turns_it,
     nothing_to_see,
 )
 from app.checkup.turning import Sway, guessed_camera, turned_deg
@@ -19,7 +20,10 @@ from app.devices.frame import Use
 _NUDGE_DEG = 3.0
 # The table is brought to every stance from the same side, so that play does not count.
 _RUN_UP_DEG = 10.0
-_STILL_PX = 0.02
+# Of corners for a degree, in a picture of 1000 columns.
+_STILL_PX = 0.06
+# Beyond these factors something else is wrong than a number.
+_LEAST_SCALE, _MOST_SCALE = 0.05, 20.0
 # A turn that the two pictures before and after it still have enough corners in common for.
 _GOOD_TURN_DEG = 25.0
 _CLOSINGS = 5
@@ -55,6 +59,9 @@ class UnmeasuredError(Exception):
 
 def measure_turntable(exam: Examination) -> tuple[Finding, ...]:
     """Direction, steps per turn, lost steps and play, by what is seen on the table."""
+    facts = exam.bench.turntable.facts
+    if facts.turns_by_itself or not facts.fastest_deg_s:
+        return (no_board_turns_it(),)
     found = exam.target()
     if found is None:
         return (nothing_to_see(exam.bench.description),)
@@ -64,7 +71,7 @@ def measure_turntable(exam: Examination) -> tuple[Finding, ...]:
         turn = measure_turn(watch)
     except UnmeasuredError as error:
         return (Finding("turntable.turn", State.BAD, error.sentence, error.advice),)
-    smallest_deg = exam.bench.turntable.facts.smallest_deg
+    smallest_deg = facts.smallest_deg
     return (
         judge_direction(turn.is_ccw, exam.bench.description.turntable.direction == "ccw"),
         judge_scale(turn.scale, smallest_deg),
@@ -101,6 +108,11 @@ def measure_turn(watch: "_Watch") -> Turn:
     reach_deg = _GOOD_TURN_DEG / min(max(abs(rough), 0.1), 50.0)
     far_deg, far = watch.nudge(at_deg + reach_deg)
     better = turned_deg(watch.target, at, far, watch.camera) / (far_deg - at_deg)
+    if abs(better) < _LEAST_SCALE or abs(better) > _MOST_SCALE:
+        raise UnmeasuredError(
+            f"Asked for {far_deg - at_deg:.0f} degrees, it turns about {better * (far_deg - at_deg):.0f}.",
+            "Set the steps per turn in the bench file to what the motor and its gear really need.",
+        )
     if not math.isfinite(better):
         raise UnmeasuredError(f"The {watch.target.name} went out of sight as the table turned.")
     tell("one turn")
