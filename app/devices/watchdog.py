@@ -35,16 +35,7 @@ class Watchdog:
         if farewell is None and self._process is None:
             return
         self._start()
-        facts: dict[str, Any] | None = None
-        if farewell is not None:
-            words = [(word.decode("latin-1"), wait_s) for word, wait_s in farewell.words]
-            facts = {
-                "port": resolve_port(farewell.port),
-                "baud": farewell.baud,
-                "stop_bits": farewell.stop_bits,
-                "words": words,
-            }
-        self._tell({"guard": facts})
+        self._tell({"guard": None if farewell is None else farewell_facts(farewell)})
 
     def close(self) -> None:
         """The program leaves in good order."""
@@ -98,3 +89,13 @@ class Watchdog:
             if self._process is not None and self._process.stdin is not None:
                 with contextlib.suppress(OSError):
                     self._process.stdin.write(json.dumps(message).encode() + b"\n")
+
+
+def farewell_facts(farewell: Farewell) -> dict[str, Any]:
+    """A farewell as the other process takes it."""
+    return {
+        "port": resolve_port(farewell.port),
+        "baud": farewell.baud,
+        "stop_bits": farewell.stop_bits,
+        "words": [(word.decode("latin-1"), wait_s) for word, wait_s in farewell.words],
+    }
