@@ -161,7 +161,7 @@ def test_without_a_stripe_it_says_so_and_restores_what_was(look_through: LookThr
 def test_a_mirror_in_the_scene_makes_the_stripe_uneven(look_through: LookThrough) -> None:
     camera, driver = look_through(1.0)
     shiny = driver.light.copy()
-    shiny[100:130] *= 14.0
+    shiny[100:130] *= 30.0
     driver.light = shiny
     found = find_exposure(camera, driver.switch, colour="red")
     assert found.advice == "uneven"
