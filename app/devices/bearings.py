@@ -1,4 +1,4 @@
-"""Where a table stands, as its driver keeps it: boards forget their count, the table does not turn by that."""
+"""Where a table stands, as its driver keeps it: boards forget their count, and the table stands still."""
 
 from app.errors import PositionUnknown
 
@@ -31,6 +31,10 @@ class Bearings:
     def nearest(self, angle_deg: float) -> int:
         """The whole count that is nearest to an angle."""
         return round((angle_deg - self.origin_deg) * self.per_deg)
+
+    def reached(self, angle_deg: float) -> float:
+        """The angle nearest to one where the table can stand."""
+        return self.degrees(self.nearest(angle_deg))
 
     def set_out(self, goal: float) -> None:
         """The table leaves for a count."""

@@ -48,11 +48,13 @@ class MarlinDialogue:
     Attributes:
         link: the port.
         firmware: name and version as M115 tells them.
+        is_in_step: whether the next `ok` is certain to be that to the next question.
     """
 
     def __init__(self, link: SerialLink) -> None:
         self.link = link
         self.firmware = ""
+        self.is_in_step = True
 
     def greet(self) -> None:
         """Ask who it is until it answers; after a reset there are boot loader, texts and splash screen first.
@@ -95,12 +97,14 @@ class MarlinDialogue:
         try:
             return self.ask_once(line, timeout_s)
         except DeviceTimeout:
-            self.find_position()
             return self.ask_once(line, timeout_s)
 
     def ask_once(self, line: str, timeout_s: float = ANSWER_S) -> list[str]:
         """As `ask`, for what must not be said twice."""
+        if not self.is_in_step:
+            self.find_position()
         self.heed(self.link.discard())
+        self.is_in_step = False
         self.link.write(line.encode("ascii", "replace") + b"\n")
         answer: list[str] = []
         ends = time.monotonic() + timeout_s
@@ -113,6 +117,7 @@ class MarlinDialogue:
             if said.startswith(_BUSY):
                 ends = time.monotonic() + timeout_s
             elif said.startswith("ok"):
+                self.is_in_step = True
                 return [*answer, said[2:].strip()] if said[2:].strip() else answer
             elif said:
                 answer.append(said)
@@ -125,6 +130,7 @@ class MarlinDialogue:
         while True:
             told = self.link.wait_for(_POSITION, ANSWER_S, "M114")
             if told["count"] is not None:
+                self.is_in_step = True
                 return MarlinPosition(int(told["count"]), float(told["e"]))
             self.heed(told[0])
 

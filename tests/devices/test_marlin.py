@@ -42,7 +42,7 @@ class HurriedDialogue(MarlinDialogue):
 def quick(port: str, **options: object) -> Driver:
     """A driver for a world that runs faster."""
     driver = Driver(port, **options)  # type: ignore[arg-type]
-    driver._board = HurriedDialogue(driver._link)
+    driver._board.dialogue = HurriedDialogue(driver._link)
     return driver
 
 
@@ -202,12 +202,12 @@ def test_settings_are_set_only_where_they_differ_and_never_stored(emulator: Emul
     with connected(emulator) as table:
         assert emulator.firmware.motion.per_mm[0] == pytest.approx(3200 / 360)  # type: ignore[attr-defined]
         lines = said(table)
-        table._set_up()
+        table._board.set_up()
         assert any(line.startswith("M92 X") for line in lines)
-        table.steps_per_deg = 80.2
+        table._bearings.per_deg = 80.2
         table._board.ask("M92 X80.2")
         lines.clear()
-        table._set_up()
+        table._board.set_up()
         assert not any(line.startswith(("M92", "M500", "M502")) for line in lines)
 
 
