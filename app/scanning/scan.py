@@ -18,6 +18,9 @@ from app.scanning.steady_angle import SteadyAngle, follow
 _PICTURE_S = 0.6
 _PICTURE_PERIODS = 8.0
 _DEVELOPERS = 2
+# A steady turn with a longer hole in its pictures is taken up again before it.
+_GAP_S = 0.25
+_GAP_PERIODS = 6.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -133,16 +136,21 @@ def _between(
     bench: Bench, stream: FrameStream, angle: SteadyAngle, from_deg: float, ends_deg: float
 ) -> Iterator[Frame]:
     """The frames of a turn; `from_deg` itself is not wanted again where it was the last picture before."""
+    longest_gap_s = max(_GAP_S, _GAP_PERIODS / max(bench.camera.facts.fps, 1.0))
+    before_s: float | None = None
     for frame in stream:
         if not bench.turntable.is_connected:
             raise DeviceLost(bench.description.turntable.driver, "the board has gone in mid-turn")
+        # Ended here, the turn is taken up again at the last picture before the gap.
         if stream.lost:
-            # Ended here, the turn is taken up again at the last picture before the gap.
             raise DeviceLost(bench.camera.name, "pictures came faster than they could be kept")
-        at_deg = angle.at(_middle_s(frame))
+        middle_s = _middle_s(frame)
+        if before_s is not None and middle_s - before_s > longest_gap_s:
+            raise DeviceLost(bench.camera.name, f"gave no picture for {middle_s - before_s:.1f} s")
+        before_s, at_deg = middle_s, angle.at(middle_s)
         if at_deg >= ends_deg:
             return
-        if at_deg > from_deg and angle.is_steady(_middle_s(frame)):
+        if at_deg > from_deg and angle.is_steady(middle_s):
             yield frame
 
 

@@ -78,6 +78,10 @@ class Watching:
         self.resumed = 0
         self._at, self._do = at, do
 
+    def after(self, count: int, do: Callable[[], None]) -> None:
+        """Do something after so many pictures."""
+        self._at, self._do = count, do
+
     def taken(self, taken: Taken, entry: FrameEntry) -> None:
         self.entries.append(entry)
         self.pictures.append(taken)
