@@ -9,7 +9,8 @@ import typer
 from app.cli.console import console
 from app.errors import ScannerError
 
-# Imported when they are run: many need libraries that take a second to load.
+# Imported when they are run: many need libraries that take a second to load. Either a function or, for a
+# command with commands of its own, a `typer.Typer`.
 _COMMANDS = {
     "import": "app.cli.import_pictures:import_command",
     "board": "app.cli.board:board_command",
@@ -80,8 +81,12 @@ def _application(commands: Iterable[str]) -> typer.Typer:
         """Without this, a single command would lose its name."""
 
     for name in commands:
-        module, function = _COMMANDS[name].split(":")
-        application.command(name)(getattr(import_module(module), function))
+        module, attribute = _COMMANDS[name].split(":")
+        command = getattr(import_module(module), attribute)
+        if isinstance(command, typer.Typer):
+            application.add_typer(command, name=name)
+        else:
+            application.command(name)(command)
     return application
 
 
