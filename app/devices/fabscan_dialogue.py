@@ -2,7 +2,9 @@
 
 import re
 import time
+from collections.abc import Sequence
 
+from app.devices.laser_care import LASER_ANSWER_S, dark_unless_answered
 from app.devices.serial_link import SerialLink
 from app.errors import DeviceTimeout, DeviceUnrecognised
 
@@ -23,16 +25,14 @@ class FabScanDialogue:
     """Request and answer over a port whose baud rate depends on the firmware's version.
 
     Attributes:
-        link: the port; another object after the baud rate has been found.
+        link: the port; its rate is found by trying.
         version: what the board answers to M200.
         board: kind of board by M201, in words; empty for firmware before 2018, which does not tell.
     """
 
-    def __init__(self, port: str, name: str, baud: int) -> None:
-        self._port, self._name = port, name
-        self._bauds: tuple[int, ...] = (baud,) if baud else BAUDS
+    def __init__(self, link: SerialLink, bauds: Sequence[int] = BAUDS) -> None:
+        self.link, self._bauds = link, tuple(bauds)
         self._prompt = re.compile(rb">\r\n")
-        self.link = SerialLink(port, self._bauds[0], name)
         self.version = self.board = ""
 
     def open(self, patience_s: float = BOOT_S) -> None:
@@ -49,9 +49,7 @@ class FabScanDialogue:
             self.link.close()
             if was_open:
                 time.sleep(_CLOSED_S)
-            # The same link as long as the rate is right, as other threads may wait for it.
-            if self.link.baud != baud:
-                self.link = SerialLink(self._port, baud, self._name)
+            self.link.baud = baud
             self.link.open()
             was_open = True
             if self._greet(patience_s):
@@ -62,22 +60,40 @@ class FabScanDialogue:
         self.link.close()
         rates = ", ".join(map(str, sorted(self._bauds)))
         raise DeviceUnrecognised(
-            self._name,
-            f"{self._port} does not answer as a FabScanPi board at {rates} baud",
+            self.link.device,
+            f"{self.link.port} does not answer as a FabScanPi board at {rates} baud",
             "Wait until the table stands still, or choose another driver or baud rate.",
         )
 
-    def request(self, command: str, timeout_s: float = _ANSWER_S) -> str:
+    def request(self, command: str) -> str:
         """Say something that may be said twice; return what comes between the echo and the prompt."""
         try:
-            self.send(command)
-            return self.await_prompt(command, timeout_s)
+            return self._request_once(command)
         except DeviceTimeout:
-            # Ends a line that was left half said.
-            self.link.write(b"\n")
-            self.link.listen(_KNOCK_S, self._prompt)
-            self.send(command)
-            return self.await_prompt(command, timeout_s)
+            self._end_line()
+            return self._request_once(command)
+
+    def switch(self, on: str, off: str, *, is_on: bool) -> None:
+        """Put a laser on or off, in the words for either; out, where the board does not answer."""
+        for is_last in (False, True):
+            try:
+                with dark_unless_answered(self.link, b"\n" + _line(off)):
+                    self._request_once(on if is_on else off, LASER_ANSWER_S)
+                    return
+            except DeviceTimeout:
+                if is_last:
+                    raise
+                self.link.listen(_KNOCK_S, self._prompt)
+
+    def _request_once(self, command: str, timeout_s: float = _ECHO_S + _ANSWER_S) -> str:
+        ends = time.monotonic() + timeout_s
+        self.send(command, min(timeout_s, _ECHO_S))
+        return self.await_prompt(command, max(0.0, ends - time.monotonic()))
+
+    def _end_line(self) -> None:
+        """One that was left half said."""
+        self.link.write(b"\n")
+        self.link.listen(_KNOCK_S, self._prompt)
 
     def send(self, command: str, echo_s: float = _ECHO_S) -> None:
         """Say something, and hear that the board has understood every byte."""
@@ -117,7 +133,9 @@ class FabScanDialogue:
             if found := _OTHERS.search(heard):
                 self.link.close()
                 other = found[0].decode("ascii").strip()
-                raise DeviceUnrecognised(self._name, f"{self._port} is no FabScanPi board; it says {other!r}")
+                raise DeviceUnrecognised(
+                    self.link.device, f"{self.link.port} is no FabScanPi board; it says {other!r}"
+                )
         return False
 
 

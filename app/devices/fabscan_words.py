@@ -29,6 +29,13 @@ def move_command(counts: int, feed: int) -> str:
     return f"G01 T{counts} F{feed}"
 
 
+def turn_commands(steps: int, counts_per_step: int, feed: int) -> tuple[str, ...]:
+    """A longer turn, in parts whose numbers the board can take."""
+    longest, left = MOST_COUNTS // counts_per_step, abs(steps)
+    way = counts_per_step if steps > 0 else -counts_per_step
+    return tuple(move_command(way * min(longest, left - done), feed) for done in range(0, left, longest))
+
+
 def is_trap(command: str) -> bool:
     """Whether the firmware, which finds a G in any word, would hang or turn without end."""
     words = {word[0]: word[1:] for word in reversed(command.split(" ")) if word}

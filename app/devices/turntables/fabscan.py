@@ -6,7 +6,9 @@ import re
 import time
 from dataclasses import dataclass
 
-from app.devices.fabscan_dialogue import BOOT_S, FabScanDialogue
+from app.devices.bearings import Bearings
+from app.devices.board_driver import BoardDriver
+from app.devices.fabscan_dialogue import BAUDS, BOOT_S, FabScanDialogue
 from app.devices.fabscan_words import (
     FASTEST,
     LASERS,
@@ -14,9 +16,12 @@ from app.devices.fabscan_words import (
     counts_per_s,
     is_trap,
     move_command,
+    turn_commands,
     usual_counts_per_step,
 )
 from app.devices.overtaking import overtaking
+from app.devices.refusals import check_laser, check_speed
+from app.devices.serial_link import SerialLink
 from app.devices.turntable import TURNTABLES, Farewell, SteadyTurn, TurntableFacts
 from app.errors import (
     DeviceError,
@@ -45,7 +50,7 @@ class _Turn:
     ends_s: float
 
 
-class FabScan:
+class FabScan(BoardDriver):
     """A FabScanPi board: no word to stop, none to ask where it is, and nothing said when it resets itself.
 
     A move goes in pieces of half a second, and `stop` ends it after the piece under way, position known. A
@@ -81,130 +86,103 @@ class FabScan:
                 "A FabScanPi board needs positive steps_per_turn and speed, and no negative numbers.",
                 "The usual ones are steps_per_turn = 3200 and speed = 28.",
             )
-        self.port, self.name, self.speed = port, name, speed
+        bauds = (baud,) if baud else BAUDS
+        super().__init__(SerialLink(port, bauds[0], name), Bearings(name, steps_per_turn / 360.0))
+        self.speed = speed
         self._asked_counts = counts_per_step
         self._counts_per_step = counts_per_step or 4
-        self._steps_per_turn = steps_per_turn
-        self._board = FabScanDialogue(port, name, baud)
-        self._facts = self._make_facts()
-        self._steps, self._origin_deg = 0, 0.0
-        self._underway: tuple[int, int] | None = None
+        self._board = FabScanDialogue(self._link, bauds)
         self._turn: _Turn | None = None
         self._stops = 0
 
     @property
     def facts(self) -> TurntableFacts:
-        return self._facts
-
-    @property
-    def angle_deg(self) -> float:
-        return self._degrees(self._steps)
+        step_deg = 1.0 / self._bearings.per_deg
+        kind = f" ({self._board.board})" if self._board.board else ""
+        return TurntableFacts(
+            f"FabScanPi {self._board.version}{kind}".strip(),
+            self.port,
+            tuple(range(len(LASERS))),
+            step_deg,
+            slowest_deg_s=step_deg / self._counts_per_step,
+            fastest_deg_s=FASTEST * step_deg / self._counts_per_step,
+        )
 
     @property
     def farewell(self) -> Farewell | None:
         # Opening resets the board, or it does not; both are waited for.
         words = ((b"\n", 1.5), (b"M22;\nM20;\nM18;\n", 0.3))
-        return Farewell(self.port, self._board.link.baud, words)
-
-    @property
-    def is_connected(self) -> bool:
-        return self._board.link.is_open
+        return Farewell(self.port, self._link.baud, words)
 
     def connect(self) -> None:
         if not (self.is_connected and self._still_answers()):
             self._reopen()
         try:
-            with self._board.link.dialogue():
+            with self._link.dialogue():
                 self._darken()
         except DeviceError:
-            self._board.link.close()
+            self._link.close()
             raise
-        self._require_known()
-
-    def disconnect(self) -> None:
-        if self.is_connected:
-            with contextlib.suppress(DeviceError):
-                self.make_safe()
-        self._board.link.close()
+        self._bearings.require_known()
 
     def move_to(self, angle_deg: float) -> float:
         with self._dialogue():
             began = self._stops
-            self._require_known()
-            target = self._steps_at(angle_deg)
-            self._prepare(target - self._steps)
+            self._bearings.require_known()
+            target = self._bearings.nearest(angle_deg)
+            self._prepare(self._steps_to(target))
             # Never F0, which hangs the board.
-            feed = max(1, self._feed(min(self.speed, self._facts.fastest_deg_s)))
+            feed = max(1, self._feed(min(self.speed, self.facts.fastest_deg_s)))
             piece = max(1, min(int(_PIECE_S * feed), MOST_COUNTS) // self._counts_per_step)
-            while self._steps != target:
-                self._move(max(-piece, min(piece, target - self._steps)), feed)
+            while left := self._steps_to(target):
+                self._move(max(-piece, min(piece, left)), feed)
                 if self._stops != began:
                     raise MoveStopped(self.name, f"the move to {angle_deg:g} degrees was stopped")
             return self.angle_deg
 
     def start_turning(self, angle_deg: float, speed_deg_s: float) -> SteadyTurn:
-        feed = self._feed(speed_deg_s)
-        if not 1 <= feed <= FASTEST:
-            low, high = self._facts.slowest_deg_s, self._facts.fastest_deg_s
-            raise DeviceRefused(
-                self.name,
-                f"cannot turn at {speed_deg_s:g} degrees per second",
-                f"Choose a speed from {low:.2g} to {high:.0f} degrees per second.",
-            )
+        check_speed(self.name, speed_deg_s, self.facts.slowest_deg_s, self.facts.fastest_deg_s)
+        feed = min(self._feed(speed_deg_s), FASTEST)
         with self._dialogue():
-            self._require_known()
-            target = self._steps_at(self.angle_deg + angle_deg)
-            longest = MOST_COUNTS // self._counts_per_step
-            if abs(target - self._steps) >= _MOST_PARTS * longest:
-                most = _MOST_PARTS * longest * self._facts.smallest_deg
+            self._bearings.require_known()
+            target = self._bearings.nearest(self.angle_deg + angle_deg)
+            longest = _MOST_PARTS * (MOST_COUNTS // self._counts_per_step)
+            if abs(self._steps_to(target)) >= longest:
+                most = longest / self._bearings.per_deg
                 raise DeviceRefused(self.name, f"turns steadily by {most:.0f} degrees at most")
-            self._prepare(target - self._steps)
-            way, left = (1 if target > self._steps else -1), abs(target - self._steps)
-            commands = tuple(
-                move_command(way * min(longest, left - done) * self._counts_per_step, feed)
-                for done in range(0, left, longest)
-            )
-            duration_s = left * self._counts_per_step / counts_per_s(feed)
-            from_deg = self.angle_deg
+            self._prepare(self._steps_to(target))
+            from_deg, left = self.angle_deg, self._steps_to(target)
+            commands = turn_commands(left, self._counts_per_step, feed)
+            duration_s = abs(left) * self._counts_per_step / counts_per_s(feed)
             if commands:
-                self._underway = (self._steps, target)
+                self._bearings.set_out(target)
                 self._turn = _Turn(commands, target, time.monotonic() + 1.1 * duration_s + _SLACK_S)
                 self._send_turn(commands)
             # It begins as soon as it has echoed the line.
             started_s = time.monotonic()
-            speed = way * counts_per_s(feed) / self._counts_per_step * self._facts.smallest_deg
-            return SteadyTurn(from_deg, self._degrees(target), speed, started_s, 0.0, duration_s)
+            speed = math.copysign(counts_per_s(feed), left) / self._counts_per_step / self._bearings.per_deg
+            return SteadyTurn(from_deg, self._bearings.degrees(target), speed, started_s, 0.0, duration_s)
 
     def finish_turning(self) -> float:
-        with self._board.link.dialogue(wait_s=_BUSY_WAIT_S):
-            self._finish_turn()
-            self._require_known()
+        with self._dialogue():
+            self._bearings.require_known()
             return self.angle_deg
-
-    def position_now(self) -> float | None:
-        return None
 
     def stop(self) -> float:
         self._stops += 1
         if self._turn is not None:
-            with overtaking(self._board.link):
+            with overtaking(self._link):
                 if self._turn is not None:
                     self._reopen()
-        with self._board.link.dialogue(wait_s=_BUSY_WAIT_S):
-            self._require_known()
+        with self._link.dialogue(wait_s=_BUSY_WAIT_S):
+            self._bearings.require_known()
             return self.angle_deg
 
-    def zero(self, angle_deg: float = 0.0) -> None:
-        self._origin_deg += angle_deg - self.angle_deg
-        self._underway = None
-
     def set_laser(self, channel: int, is_on: bool) -> None:
-        if channel not in self._facts.laser_channels:
-            raise DeviceRefused(
-                self.name, f"has no laser {channel}", "Its lasers are 0, the right one, and 1, the left one."
-            )
+        hint = "Its lasers are 0, the right one, and 1, the left one."
+        check_laser(self.name, channel, self.facts.laser_channels, hint)
         with self._dialogue():
-            self._board.request(LASERS[channel][0 if is_on else 1])
+            self._board.switch(*LASERS[channel], is_on=is_on)
 
     def hold(self, is_holding: bool) -> None:
         with self._dialogue():
@@ -213,7 +191,7 @@ class FabScan:
     def make_safe(self) -> None:
         with contextlib.suppress(PositionUnknown):
             self.stop()
-        with self._board.link.dialogue():
+        with self._link.dialogue():
             try:
                 self._darken()
             except DeviceTimeout:
@@ -233,14 +211,14 @@ class FabScan:
         with self._dialogue():
             if found := re.search(r"\bG0?[0124]\b.*\bT(-?\d+)", command):
                 # Nobody can tell what a number that is no multiple of a step does to the next move.
-                steps = round(int(found[1]) / self._counts_per_step)
-                self._underway = (self._steps, self._steps + steps)
+                self._bearings.set_out(self._bearings.at + round(int(found[1]) / self._counts_per_step))
+                self._bearings.lose()
             self._board.send(command)
             return self._board.await_prompt(command, 60.0).strip()
 
     def _still_answers(self) -> bool:
         """Whether the connected board answers, when it has come to the end of what it does."""
-        with self._board.link.dialogue(wait_s=_BUSY_WAIT_S):
+        with self._link.dialogue(wait_s=_BUSY_WAIT_S):
             try:
                 self._finish_turn()
                 self._board.request("M200")
@@ -252,14 +230,14 @@ class FabScan:
         """Open the port, which resets the board; one that it does not reset ends its turn first."""
         left_s = 0.0 if self._turn is None else max(0.0, self._turn.ends_s - time.monotonic())
         self._turn = None
+        self._bearings.lose()
         self._board.open(BOOT_S + left_s)
         self._counts_per_step = self._asked_counts or usual_counts_per_step(self._board.version)
-        self._facts = self._make_facts()
 
     def _dialogue(self) -> contextlib.ExitStack:
         """Nobody else talks, and the table stands."""
         with contextlib.ExitStack() as stack:
-            stack.enter_context(self._board.link.dialogue(wait_s=_BUSY_WAIT_S))
+            stack.enter_context(self._link.dialogue(wait_s=_BUSY_WAIT_S))
             self._finish_turn()
             return stack.pop_all()
 
@@ -273,21 +251,17 @@ class FabScan:
     def _move(self, steps: int, feed: int) -> None:
         """Turn at constant speed, and wait until the table stands."""
         counts = steps * self._counts_per_step
-        command = move_command(counts, feed)
-        was, self._underway = self._underway, (self._steps, self._steps + steps)
-        try:
-            self._board.link.discard()
-            self._board.write(command)
-        except DeviceLost:
-            self._underway = was
-            raise
+        command, goal = move_command(counts, feed), self._bearings.at + steps
+        self._link.discard()
+        self._board.write(command)
+        self._bearings.set_out(goal)
         timeout_s = 1.1 * abs(counts) / feed + _SLACK_S
         try:
             self._board.await_echo(command, timeout_s)
             self._board.await_prompt(command, timeout_s)
         except DeviceTimeout as error:
-            raise self._unknown(self._underway) from error
-        self._steps, self._underway = self._underway[1], None
+            raise self._bearings.lost() from error
+        self._bearings.arrive(goal)
 
     def _send_turn(self, commands: tuple[str, ...]) -> None:
         try:
@@ -296,12 +270,13 @@ class FabScan:
                 self._board.write(command)
         except DeviceTimeout as error:
             self._turn = None
-            raise self._unknown(self._underway or (self._steps, self._steps)) from error
+            raise self._bearings.lost() from error
 
     def _finish_turn(self) -> None:
-        """Wait for the end of a steady turn, if there is one."""
+        """Wait for the end of a steady turn, if there is one; a move that nobody waits for is lost."""
         turn = self._turn
         if turn is None:
+            self._bearings.lose()
             return
         try:
             for number, command in enumerate(turn.commands):
@@ -310,49 +285,26 @@ class FabScan:
                     self._board.await_echo(command, left_s)
                 self._board.await_prompt(command, left_s)
         except MoveStopped as error:
-            raise self._unknown(self._underway or (self._steps, turn.target)) from error
+            raise self._bearings.lost() from error
         except DeviceTimeout as error:
             self._turn = None
-            raise self._unknown(self._underway or (self._steps, turn.target)) from error
+            raise self._bearings.lost() from error
         except DeviceLost:
             self._turn = None
             raise
-        self._steps, self._underway, self._turn = turn.target, None, None
+        self._bearings.arrive(turn.target)
+        self._turn = None
 
     def _darken(self) -> None:
         for _, off in LASERS:
             self._board.request(off)
 
-    def _require_known(self) -> None:
-        if self._underway is not None:
-            raise self._unknown(self._underway)
-
-    def _unknown(self, ends: tuple[int, int]) -> PositionUnknown:
-        return PositionUnknown(self.name, *sorted(map(self._degrees, ends)))
-
-    def _degrees(self, steps: int) -> float:
-        return self._origin_deg + steps * 360.0 / self._steps_per_turn
-
-    def _steps_at(self, angle_deg: float) -> int:
-        return round((angle_deg - self._origin_deg) * self._steps_per_turn / 360.0)
+    def _steps_to(self, target: int) -> int:
+        return round(target - self._bearings.at)
 
     def _feed(self, speed_deg_s: float) -> int:
         """Counts per second, of which the firmware takes whole ones."""
-        if not math.isfinite(speed_deg_s):
-            return 0
-        return round(abs(speed_deg_s) * self._counts_per_step * self._steps_per_turn / 360.0)
-
-    def _make_facts(self) -> TurntableFacts:
-        step_deg = 360.0 / self._steps_per_turn
-        kind = f" ({self._board.board})" if self._board.board else ""
-        return TurntableFacts(
-            f"FabScanPi {self._board.version}{kind}".strip(),
-            self.port,
-            tuple(range(len(LASERS))),
-            step_deg,
-            slowest_deg_s=step_deg / self._counts_per_step,
-            fastest_deg_s=FASTEST * step_deg / self._counts_per_step,
-        )
+        return round(abs(speed_deg_s) * self._counts_per_step * self._bearings.per_deg)
 
 
 TURNTABLES.register("fabscan", FabScan)
