@@ -121,7 +121,7 @@ def test_half_a_number_is_not_taken_for_the_position(tmp_path: Path) -> None:
 
     with _connected(tmp_path, _FULL, Hesitant) as (table, _):
         table.talk("HELLO")
-        assert table._at == round(12.0 * 80.0 / 9.0)
+        assert table._bearings.at == round(12.0 * 80.0 / 9.0)
 
 
 @pytest.mark.parametrize(
