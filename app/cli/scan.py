@@ -19,9 +19,10 @@ from app.errors import OptionError
 from app.geometry.rig import Rig
 from app.recording.manifest import FrameEntry
 from app.scanning.find_angle import MarkerFinder
+from app.scanning.find_by_picture import PictureFinder
 from app.scanning.live import LivePoints
 from app.scanning.plan import ScanPlan
-from app.scanning.run import Recovery, place_table, run_scan
+from app.scanning.run import Recovery, first_of, place_table, run_scan
 from app.scanning.scan import Taken
 from app.scanning.session import ScanSession
 from app.scanning.sources import scan_detector
@@ -181,9 +182,10 @@ def _recovery(
     session: ScanSession, record: CalibrationRecord | None, bench: Bench, patience_s: float
 ) -> Recovery:
     rig, platter = _rig_of(record), bench.description.platter
+    by_picture = PictureFinder(session.folder)
     if rig is None or platter is None:
-        return Recovery(patience_s)
-    return Recovery(patience_s, MarkerFinder(rig, platter.spec(), session.folder))
+        return Recovery(patience_s, by_picture)
+    return Recovery(patience_s, first_of(MarkerFinder(rig, platter.spec(), session.folder), by_picture))
 
 
 def _rig_of(record: CalibrationRecord | None) -> Rig | None:

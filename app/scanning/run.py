@@ -36,6 +36,16 @@ FindAngle = Callable[[Bench, float, float], float | None]
 """Where the table stands, found by looking, between two angles in degrees; None where nothing shows it."""
 
 
+def first_of(*finders: FindAngle) -> FindAngle:
+    """Asks one after the other, until one knows."""
+
+    def find(bench: Bench, low_deg: float, high_deg: float) -> float | None:
+        found = (finder(bench, low_deg, high_deg) for finder in finders)
+        return next((angle for angle in found if angle is not None), None)
+
+    return find
+
+
 @dataclass(frozen=True, slots=True)
 class Recovery:
     """What a scan does about trouble.
