@@ -1,0 +1,1 @@
+"""The scanner over HTTP and WebSocket."""
