@@ -9,6 +9,7 @@ from typing import Any, BinaryIO, Self
 from app.documents import Json, compose
 from app.errors import OutputError, RecordingError
 from app.files import make_folder, reason, write_whole
+from app.locks import is_locked, lock
 from app.recording.journal import JOURNAL_FILE, MANIFEST_FILE, journal_line
 from app.recording.manifest import FrameEntry, Header, Manifest, check_frame
 from app.recording.picture import ImageFormat, encode, inspect
@@ -17,10 +18,15 @@ from app.recording.shot import Role, Shot
 
 FRAMES_FOLDER = "frames"
 _TAKEN_HINT = "Name a new or empty folder, or add to the recording that is there."
+_BUSY_HINT = "Wait until the scan has ended, or stop it."
+# Whoever only asks holds the lock for a moment.
+_LOCK_PATIENCE_S = 1.0
 
 
 class RecordingWriter:
     """Writes frames and a journal; `close` turns the journal into `recording.json`.
+
+    It holds a lock on its journal: that is how others know that the recording is being written.
 
     As a context manager it closes when the block ends well. When it does not, the journal stays: the frames
     taken so far can be read with `Recording.open`, gone on with by `resume`, or thrown away by `discard`.
@@ -237,6 +243,8 @@ class RecordingWriter:
     def _start_journal(self) -> BinaryIO:
         """The journal with everything that is known, whole from the first moment, open at its end."""
         path = self.folder / JOURNAL_FILE
+        if is_locked(path):
+            raise self._busy()
         write_whole(path, b"".join(journal_line(entry) for entry in (self.header, *self.entries)))
         try:
             # Unbuffered: what cannot be written must not come back with a later line.
@@ -244,7 +252,13 @@ class RecordingWriter:
             journal.seek(0, 2)
         except OSError as error:
             raise OutputError(str(path), reason(error)) from error
+        if not lock(journal, _LOCK_PATIENCE_S):
+            journal.close()
+            raise self._busy()
         return journal
+
+    def _busy(self) -> OutputError:
+        return OutputError(str(self.folder), "is being written by another program", _BUSY_HINT)
 
     def _check_size(self, size: tuple[int, int]) -> None:
         if size != self.header.camera_size:
