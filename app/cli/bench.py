@@ -30,7 +30,7 @@ def bench_description(spec: str) -> BenchDescription:
 
 
 def calibration_for(bench: Bench, file: Path | None) -> CalibrationRecord | None:
-    """The calibration of a bench: as named, else the simulated world's own, else the newest that is kept.
+    """The calibration of a bench: as named, else the simulated world's own, else the one in use.
 
     Raises:
         CalibrationFileError: the named file cannot be used.
@@ -47,6 +47,6 @@ def calibration_for(bench: Bench, file: Path | None) -> CalibrationRecord | None
             source="the simulated bench",
         )
     try:
-        return CalibrationStore(STORE).newest()
+        return CalibrationStore(STORE).current()
     except CalibrationFileError:
         return None

@@ -43,7 +43,7 @@ def doctor_command(
     folder: Annotated[Path, typer.Option(help="Where scans would go.")] = Path(),
     calibration: Annotated[
         Path | None,
-        typer.Option("-c", "--calibration", help="Its file; by default the newest in calibration_store."),
+        typer.Option("-c", "--calibration", help="Its file; by default the one in use in calibration_store."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--json", help="Write the report to this file, too.")] = None,
 ) -> int:

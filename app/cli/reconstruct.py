@@ -27,7 +27,7 @@ def reconstruct_command(
     output: Annotated[Path, typer.Option("-o", "--output", help="The PLY file; - for standard output.")],
     calibration: Annotated[
         Path | None,
-        typer.Option("-c", "--calibration", help="Its file; by default the newest in calibration_store."),
+        typer.Option("-c", "--calibration", help="Its file; by default the one in use in calibration_store."),
     ] = None,
     ascii_text: Annotated[bool, typer.Option("--ascii", help="Write the PLY as text.")] = False,
     preview: Annotated[
@@ -54,7 +54,7 @@ def reconstruct_command(
     for path in (output, picture):
         if path is not None and path != _STREAM:
             check_output(path)
-    record = CalibrationStore(STORE).newest() if calibration is None else CalibrationRecord.load(calibration)
+    record = CalibrationStore(STORE).current() if calibration is None else CalibrationRecord.load(calibration)
     if calibration is None:
         say([f"Calibration      {record.source}"])
     rig = record.rig

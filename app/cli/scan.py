@@ -59,7 +59,7 @@ def scan_command(
     ] = 0,
     calibration: Annotated[
         Path | None,
-        typer.Option("-c", "--calibration", help="Its file; by default the newest in calibration_store."),
+        typer.Option("-c", "--calibration", help="Its file; by default the one in use in calibration_store."),
     ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="PLY to compute at the end.")] = None,
     patience: Annotated[
