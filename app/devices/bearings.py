@@ -59,6 +59,11 @@ class Bearings:
         self.lose()
         return PositionUnknown(self.device, *sorted(self._doubt or (self.angle_deg, self.angle_deg)))
 
+    @property
+    def is_known(self) -> bool:
+        """Whether no move was lost since somebody told where the table stands."""
+        return self._doubt is None
+
     def require_known(self) -> None:
         """Raise PositionUnknown from when a move was lost until somebody tells where the table stands."""
         if self._doubt is not None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from app.devices.serial_link import SerialLink
-from app.errors import DeviceError, DeviceLost, DeviceRefused, DeviceTimeout, DeviceUnrecognised
+from app.errors import DeviceError, DeviceRefused, DeviceTimeout, DeviceUnrecognised
 
 ANSWER_S = 2.0
 # The boot loader takes a second, some two.
@@ -276,8 +276,3 @@ class GrblDialogue:
     def _refusal(self, line: str, number: int) -> DeviceRefused:
         meaning = _MEANINGS.get(number, "see the list of Grbl's errors")
         return DeviceRefused(self.link.device, f"refused {line!r} with error {number} ({meaning})")
-
-
-def lost_in_resets(device: str) -> DeviceLost:
-    """The board does not stay up long enough for a command."""
-    return DeviceLost(device, "resets itself again and again", "Check its power supply.")

@@ -28,12 +28,12 @@ def check_speed(device: str, speed_deg_s: float, slowest_deg_s: float, fastest_d
     speed = abs(speed_deg_s)
     if speed > 0.0 and (1.0 - _SLACK) * slowest_deg_s <= speed <= (1.0 + _SLACK) * fastest_deg_s:
         return
-    low = f"from {_rounded(slowest_deg_s, math.ceil):g}" if slowest_deg_s > 0.0 else "above 0"
-    high = f" up to {_rounded(fastest_deg_s, math.floor):g}" if math.isfinite(fastest_deg_s) else ""
+    high = f"{_rounded(fastest_deg_s, math.floor):g}" if math.isfinite(fastest_deg_s) else "any"
+    low = f"from {_rounded(slowest_deg_s, math.ceil):g} to" if slowest_deg_s > 0.0 else "above 0 and up to"
     raise DeviceRefused(
         device,
         f"cannot turn at {speed_deg_s:g} degrees per second",
-        f"Choose a speed {low}{high} degrees per second.",
+        f"Choose a speed {low} {high} degrees per second.",
     )
 
 

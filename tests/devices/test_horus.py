@@ -277,7 +277,7 @@ def test_a_speed_that_the_timer_cannot_count_is_refused_in_words(plug: Plug) -> 
         for speed in (3.0, 181.0):
             with pytest.raises(DeviceRefused, match="cannot turn at") as told:
                 table.start_turning(10.0, speed)
-            assert "from 3.5 to 180" in told.value.hint
+            assert "from 3.432 to 180" in told.value.hint
     with pytest.raises(DeviceRefused, match="cannot turn at 2"), connected(port, speed_deg_s=2.0):
         pass
 

@@ -24,6 +24,7 @@ from app.devices.fabscan100_line import (
     BoardRestarted,
     FabScan100Line,
 )
+from app.devices.idle_watch import IdleWatch
 from app.devices.laser_care import LASER_ANSWER_S
 from app.devices.overtaking import alone
 from app.devices.refusals import check_laser, check_speed
@@ -65,8 +66,7 @@ class FabScan100(BoardDriver):
         self._stops = 0
         self._turning: threading.Thread | None = None
         self._turn_error: DeviceError | None = None
-        self._is_over = threading.Event()
-        self._guard: threading.Thread | None = None
+        self._guard = IdleWatch(self._link, f"guard of {port}", _GUARD_S, self._watch)
 
     @property
     def facts(self) -> TurntableFacts:
@@ -95,10 +95,7 @@ class FabScan100(BoardDriver):
         except DeviceError:
             self._release()
             raise
-        if is_new:
-            self._is_over.clear()
-            self._guard = threading.Thread(target=self._watch, name=f"guard of {self.port}", daemon=True)
-            self._guard.start()
+        self._guard.start()
         self._bearings.require_known()
 
     def move_to(self, angle_deg: float) -> float:
@@ -261,18 +258,13 @@ class FabScan100(BoardDriver):
             self._turn_error = error
 
     def _watch(self) -> None:
-        """Thread: notice a reset while nobody talks to the board."""
-        while not self._is_over.wait(_GUARD_S):
-            with contextlib.suppress(DeviceError), self._link.dialogue(wait_s=0.0):
-                if not self._pieces:
-                    self._line.heed()
+        """Notice a reset while nobody talks to the board."""
+        if not self._pieces:
+            self._line.heed()
 
     def _release(self) -> None:
-        self._is_over.set()
-        if self._guard is not None:
-            self._guard.join(timeout=5.0)
-            self._guard = None
-        self._link.close()
+        self._guard.stop()
+        super()._release()
 
 
 TURNTABLES.register("fabscan100", FabScan100)
