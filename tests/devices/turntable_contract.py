@@ -166,7 +166,16 @@ class TurntableContract:
             table.connect()
         true = plant_state(emulator).angle_deg
         assert told.value.lowest_deg - 1.0 <= true <= told.value.highest_deg + 1.0
+        for _ in range(2):
+            with pytest.raises(PositionUnknown) as again:
+                table.connect()
+            assert (again.value.lowest_deg, again.value.highest_deg) == (
+                told.value.lowest_deg, told.value.highest_deg,
+            )  # fmt: skip
+        with pytest.raises(PositionUnknown):
+            table.move_to(true)
         table.zero(true)
+        table.connect()
         reached = table.move_to(true + 10.0)
         assert plant_state(emulator).angle_deg == pytest.approx(reached, abs=1.01 * table.facts.smallest_deg)
 
@@ -184,6 +193,23 @@ class TurntableContract:
             table.zero(plant_state(emulator).angle_deg)
         reached = table.move_to(10.0)
         assert plant_state(emulator).angle_deg == pytest.approx(reached, abs=1.01 * table.facts.smallest_deg)
+
+    def test_a_laser_whose_command_is_not_answered_goes_out_at_once(
+        self, table: Turntable, emulator: EmulatedPort
+    ) -> None:
+        channel = table.facts.laser_channels[0]
+        began_s = emulator.clock.now_s()
+        emulator.silence(600.0)
+        with pytest.raises(DeviceError):
+            table.set_laser(channel, True)
+        wait_until(lambda: not plant_state(emulator).outputs_on, 1.0)
+        # In real seconds, as the driver's patience is: half a second, and what a busy machine adds.
+        assert all(lit_s / self.rate < 1.0 for lit_s in _lit_times(emulator, began_s))
+        emulator.silence(0.0)
+        table.set_laser(channel, True)
+        assert len(plant_state(emulator).outputs_on) == 1
+        table.set_laser(channel, False)
+        assert not plant_state(emulator).outputs_on
 
     def test_garbage_between_commands_is_thrown_away(self, table: Turntable, emulator: EmulatedPort) -> None:
         for _ in range(5):
@@ -235,6 +261,18 @@ class _Move(threading.Thread):
     def join(self, timeout: float | None = 60.0) -> None:
         super().join(timeout)
         assert not self.is_alive(), "the move never ended"
+
+
+def _lit_times(emulator: EmulatedPort, since_s: float) -> list[float]:
+    """How long lasers were on, seconds of the world."""
+    lit: dict[int, float] = {}
+    times = []
+    for event in emulator.firmware.plant.events:
+        if event.time_s > since_s and event.what == "laser on":
+            lit[event.output] = event.time_s
+        elif event.what == "laser off" and event.output in lit:
+            times.append(event.time_s - lit.pop(event.output))
+    return times
 
 
 def plant_state(emulator: EmulatedPort) -> PlantState:
