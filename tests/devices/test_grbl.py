@@ -22,7 +22,8 @@ from app.errors import (
     PositionUnknown,
 )
 from app.simulation.clock import Clock
-from app.simulation.firmware.dialects.grbl import COOLANT, SPINDLE, Grbl, State
+from app.simulation.firmware.dialects.grbl import Grbl
+from app.simulation.firmware.grbl_machine import COOLANT, SPINDLE, State
 from app.simulation.firmware.kernel import Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort

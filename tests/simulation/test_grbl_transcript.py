@@ -5,8 +5,9 @@ import dataclasses
 import pytest
 from transcripts import Played, Player, Row, Setting, Tolerance, read_transcript
 
-from app.simulation.firmware.dialects.grbl import COOLANT, SPINDLE, Grbl
+from app.simulation.firmware.dialects.grbl import Grbl
 from app.simulation.firmware.dialects.grblhal import GrblHal
+from app.simulation.firmware.grbl_machine import COOLANT, SPINDLE
 from app.simulation.firmware.plant import Plant, Wiring
 
 # What surrounded a row and its table tells in a note or not at all: by text, and which of that text.

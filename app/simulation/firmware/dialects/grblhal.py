@@ -58,7 +58,7 @@ class GrblHal(Grbl):
         at = f"MPos:{self._place()}"
         queue = f"Bf:{self.planner.room(self.now_s)},{self.buffer_size - len(self.received)}"
         speed = f"FS:{self._speed():.0f},{self.modal.power if self.modal.spindle != 5 else 0.0:.0f}"
-        fields = [queue, speed, at, *reversed(self._rare_fields()), "H:0", "TLR:0"]
+        fields = [queue, speed, at, *reversed(self._taken_rare_fields()), "H:0", "TLR:0"]
         return f"<{self._state_name()}|{'|'.join(fields)}>\r\n"
 
 

@@ -3,19 +3,15 @@
 import math
 from collections.abc import Generator, Iterator
 
-import numpy as np
-
 from app.simulation.firmware.eeprom import SETTLING_S
+from app.simulation.firmware.horus_motor import HorusMotor
 from app.simulation.firmware.horus_settings import HorusSettings
 from app.simulation.firmware.horus_words import Words, read_number, read_words
 from app.simulation.firmware.kernel import FIRMWARES, Firmware
-from app.simulation.firmware.motion import Motion, Phase, ramped_move
 from app.simulation.firmware.plant import Plant
 
 _LINE_LENGTH = 80
 _KEEPS_DRIVER = 255
-# A 16-bit timer with a clock of 2 MHz counts no longer step than 32.8 ms.
-_SLOWEST_STEPS_S = 30.5
 # From the end of the ramp until the firmware has noticed.
 _AFTER_MOVE_S = 0.003
 _ALARM_DELAY_S = 0.5
@@ -40,8 +36,7 @@ class Horus(Firmware):
     def __init__(self, plant: Plant, *, is_blank: bool = False) -> None:
         super().__init__(plant)
         self.settings = HorusSettings(is_blank=is_blank)
-        self._position = 0
-        self._motion: Motion | None = None
+        self._motor = HorusMotor(plant, self.settings)
         self._lit_since_s: dict[int, float] = {}
         self._forget()
         self._is_locked = False
@@ -52,12 +47,12 @@ class Horus(Firmware):
         return 85e-6
 
     def on_reset(self) -> None:
-        if self._motion is not None:
-            self._break_off()
+        if self._motor.motion is not None:
+            self._motor.break_off(self.now_s)
         self._lasers_off()
         # The driver's enable input floats, which is on.
         self.plant.hold(True, self.now_s)
-        self._position, self._is_locked = 0, False
+        self._motor.position, self._is_locked = 0, False
         self._forget()
 
     def on_byte(self, byte: int) -> bool:
@@ -92,7 +87,7 @@ class Horus(Firmware):
         """Every reset: no feed rate, motor off, nothing held."""
         self._feed = 0.0
         self._motor_on = self._laser_on = self._checks_only = False
-        self._is_paused = self._is_held = self._is_braking = False
+        self._is_paused = self._is_held = self._motor.is_braking = False
         self._wants_reset = self._wants_hold = self._wants_start = False
         self._reports: int = 0
 
@@ -184,9 +179,9 @@ class Horus(Firmware):
         self._feed = feed
         channel = int(words.values.get("T", 0))
         if "G50" in words.commands:
-            self._position = 0
+            self._motor.position = 0
         if "X" in words.values and not self._checks_only:
-            yield from self._turn_to(round(words.values["X"] * self.settings[100]))
+            yield from self._turn_to(self._motor.steps(words.values["X"]))
         for command in words.commands:
             if command in ("M17", "M18"):
                 self._motor_on = command == "M17"
@@ -209,57 +204,49 @@ class Horus(Firmware):
 
     def _turn_to(self, target: int) -> Generator[float, None, None]:
         """One move with everything that may interrupt it."""
-        if target == self._position:
+        if target == self._motor.position:
             return
         if self._is_paused:
             self._is_held = True
         else:
             self.plant.hold(True, self.now_s)
         self._wants_hold = False
-        while target != self._position:
+        while target != self._motor.position:
             if self._is_held:
                 yield from self._wait(math.inf)
                 if self._wants_reset:
                     return
                 self.plant.hold(True, self.now_s)
-            self._start(target)
-            assert self._motion is not None
-            yield from self._wait(self._motion.end_s)
+            motion = self._motor.start(target, self._feed, self.now_s)
+            yield from self._wait(motion.end_s)
             if self._wants_reset:
-                self._abort()
+                self._motor.break_off(self.now_s)
+                self._is_locked = True
                 # The message is given time to leave.
                 yield from self._rest_driver()
                 self.say("ALARM: Abort during cycle\r\n")
                 yield from self.sleep(_ALARM_DELAY_S)
                 return
-            self._position = round(self._motion.position_at(math.inf))
-            self._motion = None
-            self._is_held, self._is_braking = self._is_braking, False
+            self._motor.end()
+            self._is_held, self._motor.is_braking = self._motor.is_braking, False
         yield from self.sleep(_AFTER_MOVE_S)
         yield from self._rest_driver(lets_go=not self._motor_on)
 
-    def _start(self, target: int) -> None:
-        per_degree = self.settings[100]
-        speed = max(min(self._feed, self.settings[110]) * per_degree, _SLOWEST_STEPS_S)
-        steps = target - self._position
-        self._motion = ramped_move(self.now_s, self._position, steps, speed, self.settings[120] * per_degree)
-        self.plant.move(self._motion)
-
     def _wait(self, until_s: float) -> Generator[float, None, None]:
         """Until the motion under way has ended, a hold is over, or a reset is asked for."""
-        is_hold = self._motion is None
+        is_hold = self._motor.motion is None
         while not self._wants_reset:
             self._serve()
-            if self._motion is not None and self._is_braking:
-                until_s = self._motion.end_s
+            if self._motor.motion is not None and self._motor.is_braking:
+                until_s = self._motor.motion.end_s
             if self.now_s >= until_s or (is_hold and not self._is_held):
                 return
             yield min(until_s, self._laser_due_s())
 
     def _serve(self) -> None:
         """Real-time commands and timers."""
-        if self._wants_hold and self._motion is not None and not self._is_braking:
-            self._brake()
+        if self._wants_hold and self._motor.motion is not None and not self._motor.is_braking:
+            self._motor.brake(self.now_s)
         self._wants_hold = False
         if self._wants_start:
             self._is_held = self._is_paused = self._wants_start = False
@@ -270,54 +257,17 @@ class Horus(Firmware):
             if self.now_s >= since_s + _LASER_LIMIT_S:
                 self.plant.switch(channel - 1, False, self.now_s)
 
-    def _brake(self) -> None:
-        """Slow down to a whole step, with about the acceleration that is set."""
-        assert self._motion is not None
-        speed, at = self._motion.speed_at(self.now_s), self._motion.position_at(self.now_s)
-        way = math.copysign(1.0, self._motion.steps)
-        deceleration = self.settings[120] * self.settings[100]
-        stop = math.ceil(way * at + speed * speed / (2.0 * deceleration))
-        if stop >= way * self._motion.position_at(math.inf):
-            return
-        distance = stop - way * at
-        if distance > 0.0 and speed != 0.0:
-            self._motion = self._motion.braked(self.now_s, speed * speed / (2.0 * distance))
-        else:
-            self._motion = _ended(self._motion, self.now_s, way * stop)
-        self.plant.replan(self._motion)
-        self._is_braking = True
-
-    def _break_off(self) -> int:
-        """The pulses stop where they are; the last step that was counted."""
-        assert self._motion is not None
-        way = math.copysign(1.0, self._motion.steps)
-        done = way * math.floor(way * self._motion.position_at(self.now_s) + 1e-9)
-        self.plant.replan(_ended(self._motion, self.now_s, done))
-        self._motion = None
-        return int(done + way)
-
-    def _abort(self) -> None:
-        # The interrupt counts a step when it prepares it, so the count is one ahead of the pulses.
-        self._position = self._break_off()
-        self._is_locked = True
-
     def _report(self) -> None:
         if self._is_locked:
             state = "Alarm"
         elif self._is_held:
             state = "Queue"
-        elif self._motion is not None:
-            state = "Hold" if self._is_braking else "Run"
+        elif self._motor.motion is not None:
+            state = "Hold" if self._motor.is_braking else "Run"
         else:
             state = "Check" if self._checks_only else "Idle"
-        at = _printed(np.float32(self._counted()) / np.float32(self.settings[100]))
+        at = self._motor.printed(self.now_s)
         self.say(f"<{state},MPos:{at},0.000,0.000,WPos:{at},0.000,0.000>\r\n")
-
-    def _counted(self) -> int:
-        if self._motion is None or self.now_s >= self._motion.end_s:
-            return self._position if self._motion is None else round(self._motion.position_at(math.inf))
-        way = math.copysign(1.0, self._motion.steps)
-        return int(way * (math.floor(way * self._motion.position_at(self.now_s)) + 1))
 
     def _rest_driver(self, *, lets_go: bool = True) -> Generator[float, None, None]:
         """The idle delay, and then the motor without current, unless the setting keeps it."""
@@ -346,21 +296,6 @@ class Horus(Firmware):
     def _laser_due_s(self) -> float:
         due = (since_s + _LASER_LIMIT_S for since_s in self._lit_since_s.values())
         return min((at for at in due if at > self.now_s), default=math.inf)
-
-
-def _printed(number: np.float32) -> str:
-    """Three decimals by the firmware's own way in single precision, which shows in the last one."""
-    thousandths = int(
-        np.float32(np.float32(abs(number) * np.float32(100)) * np.float32(10)) + np.float32(0.5)
-    )
-    sign = "-" if number < 0 else ""
-    return f"{sign}{thousandths // 1000}.{thousandths % 1000:03d}"
-
-
-def _ended(motion: Motion, time_s: float, position: float) -> Motion:
-    """The same move, standing at a position from a time on."""
-    kept = [phase for phase in motion.braked(time_s, math.inf).phases if phase.start_s < time_s]
-    return Motion((*kept, Phase(time_s, position, 0.0, 0.0, 0.0)))
 
 
 FIRMWARES.register("horus", Horus)
