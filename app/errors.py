@@ -84,6 +84,26 @@ class ImportFailed(ScannerError):
     hint = "Name a folder of PNG or JPEG pictures, or a video file."
 
 
+class LibraryError(ScannerError):
+    """Something cannot be done with a scan of the library."""
+
+    code = "library"
+    hint = "See what is there with `turnscan library list`."
+
+
+class ScanNotFound(LibraryError):
+    """The library, or its bin, holds nothing of that name."""
+
+    code = "scan-not-found"
+
+
+class ScanBusy(LibraryError):
+    """A scan that is being taken is neither moved nor copied."""
+
+    code = "scan-busy"
+    hint = "Wait until the scan has ended, or stop it."
+
+
 class OutputError(ScannerError):
     """A result could not be written."""
 
@@ -177,6 +197,13 @@ class MoveStopped(DeviceError):
 
     code = "move-stopped"
     hint = "Start the move again when it is safe."
+
+
+class TurnBrokenOff(DeviceError):
+    """A steady turn ended before its end; a scan takes it up again at its last picture."""
+
+    code = "turn-broken-off"
+    hint = "Turn more slowly, or at a smaller picture size."
 
 
 class BenchBusy(ScannerError):

@@ -1,1 +1,1 @@
-"""Every scan a folder that can be listed, named, kept, thrown away and carried to another machine."""
+"""Scans as they are kept: one folder each, which can be copied to another machine."""

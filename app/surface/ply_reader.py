@@ -63,6 +63,20 @@ def read_ply(path: Path) -> PointCloud:
     return _cloud(columns, header.laser_names, path)
 
 
+def ply_points(path: Path) -> int:
+    """How many vertices a PLY file promises: its header is read, nothing else.
+
+    Raises:
+        PointCloudFileError: it is no PLY file.
+    """
+    try:
+        with path.open("rb") as file:
+            header = _read_header(file, path)
+    except OSError as error:
+        raise PointCloudFileError(str(path), reason(error)) from error
+    return sum(element.count for element in header.elements if element.name == "vertex")
+
+
 def _read_header(file: BinaryIO, path: Path) -> _Header:
     if file.readline(16).strip() != b"ply":
         raise PointCloudFileError(str(path), "is no PLY file (its first line is not `ply`)")
