@@ -1,7 +1,6 @@
 """`turnscan scan`: pictures from the bench into a recording, points while it goes on."""
 
 import contextlib
-import math
 import time
 from enum import StrEnum
 from pathlib import Path
@@ -16,16 +15,13 @@ from app.cli.orderly import orderly
 from app.cli.reconstruct import reconstruct_command
 from app.devices.bench import Bench
 from app.errors import OptionError
-from app.geometry.rig import Rig
+from app.jobs.scan_parts import check_lasers, live_points_for, recovery_for
 from app.recording.manifest import FrameEntry
-from app.scanning.find_angle import MarkerFinder
-from app.scanning.find_by_picture import PictureFinder
 from app.scanning.live import LivePoints
 from app.scanning.plan import ScanPlan
-from app.scanning.run import Recovery, first_of, place_table, run_scan
+from app.scanning.run import Recovery, place_table, run_scan
 from app.scanning.scan import Taken
 from app.scanning.session import ScanSession
-from app.scanning.sources import scan_detector
 
 _NOT_DONE = 2
 _CALIBRATION = "calibration.json"
@@ -88,7 +84,7 @@ def scan_command(
                 facts = machine.turntable.facts
                 if facts.turns_by_itself:
                     mode, seconds_per_turn = _Mode.CONTINUOUS, 360.0 / facts.slowest_deg_s
-                _check_lasers(machine, names, record)
+                check_lasers(machine, names, record)
                 plan = ScanPlan(
                     mode=mode.value, lasers=names, steps=steps, turn_deg=turn, with_dark=not no_dark,
                     texture_every=texture_every, seconds_per_turn=seconds_per_turn,
@@ -96,7 +92,7 @@ def scan_command(
                 session = ScanSession.create(out, plan, machine, bench)
             if record is not None:
                 record.save(out / _CALIBRATION)
-            recovery = _recovery(session, record, machine, patience)
+            recovery = recovery_for(session, record, machine, patience)
             if resume:
                 machine.restore(session.table.angle_deg)
                 place_table(machine, session, recovery, takes_target=accept_position)
@@ -157,18 +153,9 @@ def _ask(what: str) -> None:
 
 def _scan(bench: Bench, session: ScanSession, record: CalibrationRecord | None, recovery: Recovery) -> None:
     with contextlib.ExitStack() as stack:
-        live: LivePoints | None = None
-        rig = _rig_of(record)
-        has_partners = session.plan.mode == "step" and session.plan.with_dark
-        if rig is not None:
-            way = math.radians(1.0 if bench.description.turntable.direction == "ccw" else -1.0)
-            live = stack.enter_context(
-                LivePoints(
-                    rig, scan_detector(), {name: entry.colour for name, entry in bench.lasers.items()},
-                    lambda angle_deg: way * angle_deg,
-                    is_grey=has_partners and bench.camera.facts.gives_jpeg,
-                )
-            )  # fmt: skip
+        live = live_points_for(session, record, bench)
+        if live is not None:
+            stack.enter_context(live)
         show = stack.enter_context(progress_bar())
         run_scan(bench, session, _Progress(session, live, show), recovery)
     if live is not None:
@@ -176,20 +163,6 @@ def _scan(bench: Bench, session: ScanSession, record: CalibrationRecord | None, 
             warn([f"No live points: {live.problem}"])
         if live.left_out:
             warn([f"{live.left_out} pictures came faster than points could be computed; all are recorded."])
-
-
-def _recovery(
-    session: ScanSession, record: CalibrationRecord | None, bench: Bench, patience_s: float
-) -> Recovery:
-    rig, platter = _rig_of(record), bench.description.platter
-    by_picture = PictureFinder(session.folder)
-    if rig is None or platter is None:
-        return Recovery(patience_s, by_picture)
-    return Recovery(patience_s, first_of(MarkerFinder(rig, platter.spec(), session.folder), by_picture))
-
-
-def _rig_of(record: CalibrationRecord | None) -> Rig | None:
-    return None if record is None or record.axis is None or not record.lasers else record.rig
 
 
 def _say_what_is_unknown(bench: Bench) -> None:
@@ -200,21 +173,6 @@ def _say_what_is_unknown(bench: Bench) -> None:
             "be one of the stop before. `turnscan doctor` measures it."
         )
         warn([text])
-
-
-def _check_lasers(bench: Bench, names: tuple[str, ...], record: CalibrationRecord | None) -> None:
-    for name in names:
-        if name not in bench.lasers:
-            known = ", ".join(bench.lasers) or "none"
-            raise OptionError(f"The bench has no laser called {name!r}.", f"It has: {known}.")
-        if record is not None and record.lasers and name not in record.lasers:
-            known = ", ".join(record.lasers)
-            raise OptionError(
-                f"The calibration ({record.source}) knows no laser called {name!r}.",
-                f"It knows: {known}. Name its lasers as the bench does, or calibrate again.",
-            )
-    if not names:
-        raise OptionError("The bench has no laser.", "List its lasers in the bench file.")
 
 
 def _say_what_is_kept(session: ScanSession, error: BaseException) -> None:

@@ -61,6 +61,7 @@ class Bench:
         camera: the camera.
         lasers: entries of the bench file by name.
         world: the simulated world, where a device is simulated.
+        stops: how often everything was made safe.
     """
 
     def __init__(
@@ -82,6 +83,7 @@ class Bench:
         self._holder = ""
         self._lit: dict[str, None] = {} if lit is None else lit
         self._problems: dict[str, str] = {}
+        self.stops = 0
         self._where: PositionUnknown | None = None
 
     @classmethod
@@ -254,6 +256,7 @@ class Bench:
         Raises:
             DeviceError: the board cannot be reached.
         """
+        self.stops += 1
         try:
             if self.turntable.is_connected:
                 self.turntable.make_safe()

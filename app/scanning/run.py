@@ -1,6 +1,7 @@
 """A scan from beginning to end: what to do when a device goes away, and when somebody stops it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
+from contextlib import closing
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -20,7 +21,7 @@ class Watch(Protocol):
     """Who is told how a scan goes; called in the thread of the scan."""
 
     def taken(self, taken: Taken, entry: FrameEntry) -> None:
-        """A picture is on disk."""
+        """A picture is on disk. TurnBrokenOff, raised here, rests the scan until `waiting` returns."""
         ...
 
     def waiting(self, problem: str) -> None:
@@ -122,8 +123,10 @@ def _take_all(bench: Bench, session: ScanSession, watch: Watch, recovery: Recove
     failures, shots_before = 0, session.shots
     while True:
         try:
-            for taken in _shots(bench, session):
-                watch.taken(taken, session.record(taken))
+            # However it ends, the lasers are off before anything else is done.
+            with closing(_shots(bench, session)) as shots:
+                for taken in shots:
+                    watch.taken(taken, session.record(taken))
             return
         except (MoveStopped, DeviceRefused):
             raise
@@ -139,7 +142,7 @@ def _take_all(bench: Bench, session: ScanSession, watch: Watch, recovery: Recove
             watch.going_on()
 
 
-def _shots(bench: Bench, session: ScanSession) -> Iterator[Taken]:
+def _shots(bench: Bench, session: ScanSession) -> Generator[Taken, None, None]:
     if session.plan.mode == "step":
         yield from scan_steps(bench, session.plan, session.is_taken, session.moving)
         return

@@ -2,14 +2,14 @@
 
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from contextlib import nullcontext
 from dataclasses import dataclass
 
 from app.devices.bench import Bench
 from app.devices.frame import Frame, Use
 from app.devices.frame_stream import FrameStream
-from app.errors import DeviceLost
+from app.errors import DeviceLost, MoveStopped, TurnBrokenOff
 from app.scanning.pipeline import ordered_map
 from app.scanning.plan import Look, ScanPlan
 from app.scanning.steady_angle import SteadyAngle, follow
@@ -49,7 +49,7 @@ def scan_steps(
     plan: ScanPlan,
     is_taken: Callable[[int, Look], bool],
     before_move: Callable[[float], None],
-) -> Iterator[Taken]:
+) -> Generator[Taken, None, None]:
     """One turn in stops; at each one the table stands still while the pictures are exposed.
 
     Args:
@@ -81,7 +81,7 @@ def scan_steadily(
     plan: ScanPlan,
     reached_deg: Callable[[Look], float | None],
     before_move: Callable[[float], None],
-) -> Iterator[Taken]:
+) -> Generator[Taken, None, None]:
     """One steady turn for each laser, every frame of the camera with its angle by time.
 
     Args:
@@ -110,7 +110,7 @@ def _one_turn(
     begins_deg: float,
     from_deg: float,
     before_move: Callable[[float], None],
-) -> Iterator[Taken]:
+) -> Generator[Taken, None, None]:
     table, camera = bench.turntable, bench.camera
     camera.prepare(Use.LASER if look.lasers else Use.TEXTURE)
     start_deg, ends_deg = from_deg - plan.run_in_deg, begins_deg + plan.turn_deg
@@ -138,15 +138,18 @@ def _between(
     """The frames of a turn; `from_deg` itself is not wanted again where it was the last picture before."""
     longest_gap_s = max(_GAP_S, _GAP_PERIODS / max(bench.camera.facts.fps, 1.0))
     before_s: float | None = None
+    stops = bench.stops
     for frame in stream:
         if not bench.turntable.is_connected:
             raise DeviceLost(bench.description.turntable.driver, "the board has gone in mid-turn")
+        if bench.stops != stops:
+            raise MoveStopped(bench.description.turntable.driver, "the turn was stopped")
         # Ended here, the turn is taken up again at the last picture before the gap.
         if stream.lost:
-            raise DeviceLost(bench.camera.name, "pictures came faster than they could be kept")
+            raise TurnBrokenOff(bench.camera.name, "pictures came faster than they could be kept")
         middle_s = _middle_s(frame)
         if before_s is not None and middle_s - before_s > longest_gap_s:
-            raise DeviceLost(bench.camera.name, f"gave no picture for {middle_s - before_s:.1f} s")
+            raise TurnBrokenOff(bench.camera.name, f"gave no picture for {middle_s - before_s:.1f} s")
         before_s, at_deg = middle_s, angle.at(middle_s)
         if at_deg >= ends_deg:
             return

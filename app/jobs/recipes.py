@@ -1,0 +1,166 @@
+"""Each kind of job in a dozen lines."""
+
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from app.calibration.platter_file import layout_of
+from app.calibration.record import CalibrationRecord
+from app.checkup.checkup import checkup, chosen
+from app.checkup.examination import Examination
+from app.devices.bench import Bench
+from app.errors import DeviceError, TurnBrokenOff
+from app.jobs.events import PointsAdded
+from app.jobs.runner import JobContext, Work
+from app.jobs.scan_parts import check_lasers, live_points_for, recovery_for, rig_of
+from app.recording.manifest import FrameEntry
+from app.recording.reader import Recording
+from app.scanning.live import LivePoints
+from app.scanning.plan import ScanPlan
+from app.scanning.profile import Profile
+from app.scanning.run import place_table, run_scan
+from app.scanning.scan import Taken
+from app.scanning.session import ScanSession
+from app.scanning.sources import reconstruct_recording, scan_detector
+from app.surface.ply import PlyWriter
+from app.surface.preview import PreviewPainter
+
+CALIBRATION_FILE, CLOUD_FILE = "calibration.json", "cloud.ply"
+
+
+@dataclass(frozen=True, slots=True)
+class ScanOrder:
+    """A scan that somebody wants.
+
+    Attributes:
+        folder: of its recording; new, or of an unfinished scan where `plan` is None.
+        plan: what to do; None to go on with what was begun.
+        bench_spec: what names the bench.
+        patience_s: how long to wait for a device that goes away.
+        takes_target: go on even where nobody can tell where an interrupted move ended.
+    """
+
+    folder: Path
+    plan: ScanPlan | None
+    bench_spec: str
+    patience_s: float = 600.0
+    takes_target: bool = False
+
+
+def scan_work(
+    bench: Bench,
+    order: ScanOrder,
+    record: CalibrationRecord | None,
+    on_profile: Callable[[Profile], None] | None = None,
+) -> Work:
+    """Scan; then, where there is a calibration, the cloud beside the recording."""
+
+    def work(job: JobContext) -> Mapping[str, Any]:
+        bench.connect()
+        session = _session(bench, order, record)
+        recovery = recovery_for(session, record, bench, order.patience_s)
+        if order.plan is None:
+            bench.restore(session.table.angle_deg)
+            place_table(bench, session, recovery, takes_target=order.takes_target)
+        job.on_cancel(lambda: _stop(bench))
+        with ExitStack() as stack:
+            live = live_points_for(session, record, bench, on_profile)
+            if live is not None:
+                stack.enter_context(live)
+            recording = run_scan(bench, session, _ScanWatch(job, session, live), recovery)
+        result: dict[str, Any] = {"folder": str(order.folder), "pictures": len(recording.entries)}
+        if rig_of(record) is not None and record is not None:
+            result |= _reconstructed(job, recording, record, order.folder / CLOUD_FILE)
+        return result
+
+    return work
+
+
+def reconstruct_work(folder: Path, record: CalibrationRecord, cloud: Path) -> Work:
+    """The cloud of a recording."""
+    return lambda job: _reconstructed(job, Recording.open(folder), record, cloud)
+
+
+def checkup_work(bench: Bench, names: Sequence[str], scans: Path, record: CalibrationRecord | None) -> Work:
+    """The doctor."""
+
+    def work(job: JobContext) -> Mapping[str, Any]:
+        def progress(words: str, done: int, total: int) -> None:
+            job.checkpoint()
+            job.progress(done, total, words)
+
+        bench.connect()
+        return checkup(Examination(bench, scans, record), chosen(names), progress).as_json()
+
+    return work
+
+
+class _ScanWatch:
+    """Tells the job how the scan goes, and lets it rest between pictures."""
+
+    def __init__(self, job: JobContext, session: ScanSession, live: LivePoints | None) -> None:
+        self.job, self.session, self.live = job, session, live
+
+    def taken(self, taken: Taken, entry: FrameEntry) -> None:
+        session = self.session
+        if self.live is not None:
+            self.live.add(taken)
+            self.job.bus.publish(PointsAdded(self.job.id, self.live.points))
+        if session.plan.mode == "step":
+            self.job.progress(
+                session.shots, session.plan.shots, f"stop {taken.stop + 1} of {session.plan.steps}"
+            )
+            self.job.checkpoint()
+        else:
+            turned = session.plan.turn_deg * len(session.plan.passes)
+            self.job.progress(round(turned * session.done), round(turned), "turning")
+            if self.job.is_to_rest:
+                # A table cannot rest in mid-turn: the turn is broken off, and taken up again later.
+                raise TurnBrokenOff("the scan", "rests")
+
+    def waiting(self, problem: str) -> None:
+        if not self.job.is_to_rest:
+            self.job.say(problem)
+            self.job.waits(problem)
+        self.job.checkpoint()
+
+    def going_on(self) -> None:
+        self.job.waits("")
+
+
+def _session(bench: Bench, order: ScanOrder, record: CalibrationRecord | None) -> ScanSession:
+    if order.plan is None:
+        return ScanSession.resume(order.folder)
+    check_lasers(bench, order.plan.lasers, record)
+    session = ScanSession.create(order.folder, order.plan, bench, order.bench_spec)
+    if record is not None:
+        record.save(order.folder / CALIBRATION_FILE)
+    return session
+
+
+def _reconstructed(
+    job: JobContext, recording: Recording, record: CalibrationRecord, cloud: Path
+) -> Mapping[str, Any]:
+    run = reconstruct_recording(recording, record.rig, scan_detector(), None, layout_of(record) or None)
+    painter = PreviewPainter()
+    with PlyWriter(cloud, run.laser_names) as ply:
+        for number, profile in enumerate(run, start=1):
+            job.checkpoint()
+            ply.append(profile.cloud)
+            painter.add(profile.cloud)
+            job.progress(number, run.total, "reconstructing")
+    painter.write(cloud.with_suffix(".png"))
+    report = run.report()
+    for sentence in (*report.warnings, *report.doubts):
+        job.say(sentence)
+    return {"cloud": str(cloud), "points": report.points, "doubts": list(report.doubts)}
+
+
+def _stop(bench: Bench) -> None:
+    """A cancelled scan need not end its move."""
+    try:
+        bench.make_safe()
+    except DeviceError:
+        return
