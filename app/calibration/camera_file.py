@@ -11,7 +11,7 @@ from app.files import reason
 from app.geometry.arrays import Floats
 from app.geometry.camera import CameraIntrinsics
 
-_OPENCV_SUFFIXES = frozenset({".yml", ".yaml", ".xml"})
+OPENCV_SUFFIXES = frozenset({".yml", ".yaml", ".xml"})
 _MOST_BYTES = 2**20
 # Names that the calibration sample of OpenCV gives them, and those that are common elsewhere.
 _MATRIX = ("camera_matrix", "cameraMatrix", "K")
@@ -26,7 +26,7 @@ def load_camera(path: Path | str) -> CameraIntrinsics:
         CalibrationFileError: naming the file and the field.
     """
     path = Path(path)
-    if path.suffix.lower() in _OPENCV_SUFFIXES:
+    if path.suffix.lower() in OPENCV_SUFFIXES:
         return _load_opencv(path)
     return CalibrationRecord.load(path).camera
 

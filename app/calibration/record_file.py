@@ -28,11 +28,7 @@ class CameraEntry(Entry):
     @field_validator("matrix")
     @classmethod
     def _is_a_camera_matrix(cls, matrix: tuple[Triple, Triple, Triple]) -> tuple[Triple, Triple, Triple]:
-        (fx, skew, _), (zero, fy, _), last = matrix
-        if not (fx > 0.0 and fy > 0.0):
-            raise ValueError(f"focal lengths must be greater than 0, not {fx:g} and {fy:g}")
-        if skew != 0.0 or zero != 0.0 or last != (0.0, 0.0, 1.0):
-            raise ValueError("must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
+        check_camera_matrix(matrix)
         return matrix
 
 
@@ -109,6 +105,15 @@ class CalibrationFile(Entry):
             "table": self.table.unknown if self.table else {},
         }
         return self.unknown | {name: keys for name, keys in nested.items() if keys}
+
+
+def check_camera_matrix(matrix: tuple[Triple, Triple, Triple]) -> None:
+    """Raise ValueError unless it is a pinhole's matrix without skew."""
+    (fx, skew, _), (zero, fy, _), last = matrix
+    if not (fx > 0.0 and fy > 0.0):
+        raise ValueError(f"focal lengths must be greater than 0, not {fx:g} and {fy:g}")
+    if skew != 0.0 or zero != 0.0 or last != (0.0, 0.0, 1.0):
+        raise ValueError("must be [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
 
 
 def check_unit(vector: Triple) -> None:

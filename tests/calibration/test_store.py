@@ -181,4 +181,5 @@ def test_an_empty_store_says_so(tmp_path: Path) -> None:
     store = CalibrationStore(tmp_path / "nowhere")
     with pytest.raises(CalibrationFileError, match="holds no calibration yet"):
         store.current()
-    assert store.kept() == store.removed() == ()
+    assert store.kept() == ()
+    assert store.removed() == ()
