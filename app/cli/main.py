@@ -20,6 +20,7 @@ _COMMANDS = {
     "doctor": "app.cli.doctor:doctor_command",
     "scan": "app.cli.scan:scan_command",
     "reconstruct": "app.cli.reconstruct:reconstruct_command",
+    "library": "app.cli.library:library_app",
     "simulate": "app.cli.simulate:simulate_command",
     "emulate": "app.cli.emulate:emulate_command",
     "demo": "app.cli.demo:demo_command",

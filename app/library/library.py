@@ -13,6 +13,7 @@ from app.library.index import Index
 from app.library.item import ScanItem, is_busy
 from app.library.names import checked_note, checked_title, free_name, inside, slug
 from app.library.work import changing, settle, work_folder
+from app.library.zip_stream import ZipStream
 
 LIBRARY = Path("scans")
 """Where scans are kept, in the folder that a command runs in."""
@@ -164,6 +165,18 @@ class Library:
                 for thrown in doomed:
                     _move(thrown.scan.folder, work / thrown.key)
             return sum(thrown.scan.size_bytes for thrown in doomed)
+
+    def export(self, name: str) -> ZipStream:
+        """Everything in the folder of a scan, as a zip file that is made while it is sent.
+
+        Raises:
+            ScanNotFound: there is no such scan.
+            ScanBusy: it is being taken, so that there is no end of it.
+            OutputError: it cannot be read.
+        """
+        folder = self.scan(name).folder
+        self.refuse_busy(name)
+        return ZipStream(folder, name)
 
     def space(self) -> Space:
         """Room on the disk. Raises OutputError where the disk does not tell."""

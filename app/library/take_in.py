@@ -1,4 +1,4 @@
-"""Scans from elsewhere: folders, zip files and PLY files, checked in a work folder, then renamed into place."""
+"""Scans from elsewhere: folders, zip files, PLY files; checked in a work folder, then renamed into place."""
 
 import os
 import shutil

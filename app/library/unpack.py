@@ -1,4 +1,4 @@
-"""Zip files from anywhere, unpacked into a folder of our own, everything checked before anything is written."""
+"""Zip files from anywhere, unpacked into a folder of our own; checked before anything is written."""
 
 import os
 import stat
