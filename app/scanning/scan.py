@@ -3,13 +3,14 @@
 import math
 import time
 from collections.abc import Callable, Generator, Iterator
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import dataclass
 
 from app.devices.bench import Bench
 from app.devices.frame import Frame, Use
 from app.devices.frame_stream import FrameStream
-from app.errors import DeviceLost, MoveStopped, TurnBrokenOff
+from app.devices.turntable import Turntable
+from app.errors import DeviceError, DeviceLost, MoveStopped, TurnBrokenOff
 from app.scanning.pipeline import ordered_map
 from app.scanning.plan import Look, ScanPlan
 from app.scanning.steady_angle import SteadyAngle, follow
@@ -120,7 +121,7 @@ def _one_turn(
         before_move(ends_deg + plan.run_in_deg)
     with camera.stream(patience_s=_PICTURE_S) as stream, bench.lit(*look.lasers):
         turn = table.start_turning(ends_deg + plan.run_in_deg - start_deg, plan.speed_deg_s)
-        with follow(table, turn) as angle:
+        with _stopped_early(table), follow(table, turn) as angle:
             if table.facts.turns_by_itself:
                 # It has turned on meanwhile: the same place comes by again, some turns later.
                 angle.offset_deg -= 360.0 * math.ceil((table.angle_deg - start_deg) / 360.0)
@@ -130,6 +131,18 @@ def _one_turn(
                 yield Taken(data, frame, look, frame.index, angle.at(middle_s), middle_s)
     if not table.facts.turns_by_itself:
         table.finish_turning()
+
+
+@contextmanager
+def _stopped_early(table: Turntable) -> Iterator[None]:
+    """A turn that is broken off is stopped first: many boards switch no laser while they turn."""
+    try:
+        yield
+    except BaseException:
+        if not table.facts.turns_by_itself:
+            with suppress(DeviceError):
+                table.stop()
+        raise
 
 
 def _between(

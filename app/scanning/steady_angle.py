@@ -5,8 +5,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import numpy as np
-
 from app.devices.turntable import SteadyTurn, Turntable
 from app.errors import DeviceError
 
@@ -55,8 +53,8 @@ def follow(table: Turntable, turn: SteadyTurn) -> Iterator[SteadyAngle]:
 
 
 def _listen(table: Turntable, angle: SteadyAngle, is_over: threading.Event) -> None:
-    ahead: list[float] = []
-    while len(ahead) < _ENOUGH and not is_over.wait(_ASK_EVERY_S):
+    asked: list[tuple[float, float]] = []
+    while len(asked) < _ENOUGH and not is_over.wait(_ASK_EVERY_S):
         asked_s = time.monotonic()
         if not angle.is_steady(asked_s):
             continue
@@ -67,5 +65,6 @@ def _listen(table: Turntable, angle: SteadyAngle, is_over: threading.Event) -> N
         answered_s = time.monotonic()
         if told_deg is not None and answered_s - asked_s < _PROMPT_S:
             computed = angle.at(0.5 * (asked_s + answered_s)) - angle.offset_deg
-            ahead.append(told_deg - computed)
-            angle.offset_deg = float(np.median(ahead))
+            asked.append((answered_s - asked_s, told_deg - computed))
+            # The quickest answer is the least uncertain about when it was true.
+            angle.offset_deg = min(asked)[1]

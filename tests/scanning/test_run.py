@@ -215,7 +215,8 @@ def test_a_continuous_scan_loses_no_frame_and_knows_every_angle(tmp_path: Path) 
         recording = run_scan(bench, session, truth)
         assert is_dark(bench)
         assert bench.camera.state.lost == 0
-    assert max(truth.errors_deg) < 0.2
+    # At 60 degrees a second, on a machine that may be busy.
+    assert max(truth.errors_deg) < 0.4
     for number, look in enumerate(scan.passes):
         angles = [entry.angle_deg for entry in recording.entries if entry.unknown["look"] == look.key]
         steps = np.diff(np.array(angles, np.float64))

@@ -1,0 +1,185 @@
+"""Jobs: one at a time on the bench, paused, cancelled, and told about."""
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.errors import DeviceLost, OptionError
+from app.jobs.events import EventBus, JobChanged, JobSaid, PointsAdded
+from app.jobs.job import JobSnapshot, JobState
+from app.jobs.runner import JobContext, JobRunner
+
+
+@pytest.fixture
+def bus() -> EventBus:
+    return EventBus()
+
+
+@pytest.fixture
+def runner(tmp_path: Path, bus: EventBus) -> Iterator[JobRunner]:
+    runner = JobRunner(tmp_path / "jobs", bus)
+    yield runner
+    runner.close(5.0)
+
+
+def test_a_job_that_ends_well_keeps_its_result(runner: JobRunner, tmp_path: Path) -> None:
+    job = runner.submit("add", "one and one", lambda job: {"sum": 2}, needs_bench=False)
+    ended = _ended(runner, job.id)
+    assert ended.state is JobState.DONE
+    assert ended.result == {"sum": 2}
+    assert json.loads((tmp_path / "jobs" / f"{job.id}.json").read_text())["result"] == {"sum": 2}
+
+
+def test_an_expected_error_is_told_with_its_hint(runner: JobRunner) -> None:
+    def work(job: JobContext) -> Mapping[str, Any]:
+        raise DeviceLost("camera", "is gone")
+
+    problem = _ended(runner, runner.submit("look", "look", work, needs_bench=True).id).problem
+    assert problem is not None
+    assert (problem.code, problem.message) == ("device-lost", "camera: is gone")
+    assert problem.hint
+
+
+def test_a_surprise_ends_the_job_with_its_traceback_in_the_log(runner: JobRunner) -> None:
+    def work(job: JobContext) -> Mapping[str, Any]:
+        raise ZeroDivisionError("oops")
+
+    job = _ended(runner, runner.submit("divide", "divide", work, needs_bench=False).id)
+    assert job.state is JobState.FAILED
+    assert any("ZeroDivisionError" in line for line in runner.lines(job.id))
+
+
+def test_one_job_holds_the_bench_and_computations_run_beside_it(runner: JobRunner) -> None:
+    gate = threading.Event()
+    first = runner.submit("scan", "first", _waiting(gate), needs_bench=True)
+    second = runner.submit("scan", "second", _waiting(gate), needs_bench=True)
+    beside = runner.submit("reconstruct", "beside", lambda job: {}, needs_bench=False)
+    assert _ended(runner, beside.id).state is JobState.DONE
+    assert runner.job(first.id).state is JobState.RUNNING
+    assert runner.job(second.id).state is JobState.QUEUED
+    gate.set()
+    assert _ended(runner, second.id).state is JobState.DONE
+
+
+def test_a_paused_job_rests_at_its_checkpoint_until_it_is_resumed(runner: JobRunner) -> None:
+    steps: list[int] = []
+    began = threading.Event()
+
+    def work(job: JobContext) -> Mapping[str, Any]:
+        for step in range(10_000):
+            steps.append(step)
+            began.set()
+            time.sleep(0.001)
+            job.checkpoint()
+        return {}
+
+    job = runner.submit("count", "count", work, needs_bench=True)
+    assert began.wait(5.0)
+    assert runner.pause(job.id).state is JobState.PAUSED
+    _wait(lambda: _stands_still(steps))
+    assert runner.resume(job.id).state is JobState.RUNNING
+    count = len(steps)
+    _wait(lambda: len(steps) > count)
+    runner.pause(job.id)
+    runner.cancel(job.id)
+    assert _ended(runner, job.id).state is JobState.CANCELLED
+
+
+def test_cancelling_calls_who_can_stop_what_is_under_way(runner: JobRunner) -> None:
+    stopped, began = threading.Event(), threading.Event()
+
+    def work(job: JobContext) -> Mapping[str, Any]:
+        job.on_cancel(stopped.set)
+        began.set()
+        assert stopped.wait(5.0)
+        raise DeviceLost("table", "was stopped")
+
+    job = runner.submit("turn", "turn", work, needs_bench=True)
+    assert began.wait(5.0)
+    runner.cancel(job.id)
+    assert _ended(runner, job.id).state is JobState.CANCELLED
+
+
+def test_a_job_that_waits_its_turn_can_be_cancelled(runner: JobRunner) -> None:
+    gate = threading.Event()
+    first = runner.submit("scan", "first", _waiting(gate), needs_bench=True)
+    second = runner.submit("scan", "second", _waiting(gate), needs_bench=True)
+    assert runner.cancel(second.id).state is JobState.CANCELLED
+    gate.set()
+    assert _ended(runner, first.id).state is JobState.DONE
+
+
+def test_progress_foretells_the_time_that_is_left(runner: JobRunner) -> None:
+    gate = threading.Event()
+
+    def work(job: JobContext) -> Mapping[str, Any]:
+        time.sleep(0.02)
+        job.progress(1, 5, "one")
+        gate.wait(5.0)
+        return {}
+
+    job = runner.submit("count", "count", work, needs_bench=False)
+    _wait(lambda: runner.job(job.id).done == 1)
+    left = runner.job(job.id).seconds_left
+    assert left is not None
+    assert left >= 0.08
+    gate.set()
+
+
+def test_a_slow_listener_hears_the_newest_state_and_the_last_lines(bus: EventBus, runner: JobRunner) -> None:
+    with bus.listen() as listener:
+
+        def work(job: JobContext) -> Mapping[str, Any]:
+            for number in range(1000):
+                job.progress(number, 1000)
+                job.say(f"line {number}")
+                bus.publish(PointsAdded(job.id, number))
+            return {}
+
+        job = runner.submit("talk", "talk", work, needs_bench=False)
+        _ended(runner, job.id)
+        heard = []
+        while (event := listener.next(0.0)) is not None:
+            heard.append(event)
+    lines = [event.line for event in heard if isinstance(event, JobSaid)]
+    states = [event.job for event in heard if isinstance(event, JobChanged)]
+    assert lines[-1] == "line 999"
+    assert len(lines) + listener.lost == 1000
+    assert [job.state for job in states] == [JobState.DONE]
+    assert [event.points for event in heard if isinstance(event, PointsAdded)] == [999]
+
+
+def test_an_unknown_job_is_an_error_of_the_caller(runner: JobRunner) -> None:
+    with pytest.raises(OptionError, match="no job 'x'"):
+        runner.job("x")
+
+
+def _waiting(gate: threading.Event) -> "Callable[[JobContext], Mapping[str, Any]]":
+    def work(job: JobContext) -> Mapping[str, Any]:
+        assert gate.wait(5.0)
+        return {}
+
+    return work
+
+
+def _ended(runner: JobRunner, job_id: str) -> JobSnapshot:
+    _wait(lambda: runner.job(job_id).state.has_ended)
+    return runner.job(job_id)
+
+
+def _stands_still(steps: list[int]) -> bool:
+    count = len(steps)
+    time.sleep(0.05)
+    return len(steps) == count
+
+
+def _wait(is_so: Callable[[], bool], timeout_s: float = 10.0) -> None:
+    ends = time.monotonic() + timeout_s
+    while not is_so():
+        assert time.monotonic() < ends, "it never came to be"
+        time.sleep(0.002)
