@@ -1,1 +1,1 @@
-"""What a person sees of the camera while it works: pictures for each viewer, made only while somebody looks."""
+"""What a person sees of the camera while it works: pictures for each viewer, made while somebody looks."""

@@ -1,0 +1,122 @@
+"""From what a frame shows to a picture of one kind, and the picture for when there is none."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.devices.frame import Frame
+from app.errors import DeviceError
+from app.live.picture import JPEG, LivePicture
+from app.live.search import Found
+from app.live.settings import Kind
+from app.live.sight import Sight
+from app.recording.picture import encode
+from app.vision.overlay import Marks, painted, shrunk, with_notice
+from app.vision.stripe import Image
+
+_JPEG_START = b"\xff\xd8"
+_BLANK = (640, 360)
+
+
+@dataclass(frozen=True, slots=True)
+class Flavour:
+    """A picture that is made once for all who want the same.
+
+    Attributes:
+        kind: what it shows.
+        width: columns at most; None for those of the settings.
+        is_packed: a mask as bits, not as JPEG.
+    """
+
+    kind: Kind
+    width: int | None = None
+    is_packed: bool = False
+
+
+def develop(flavour: Flavour, sight: Sight, found: Found, own_jpeg: bytes | None) -> LivePicture:
+    """The picture of one flavour.
+
+    Args:
+        flavour: which.
+        sight: the frame.
+        found: board and markers, which need not be of this frame.
+        own_jpeg: the file that the camera sent, where it is upright.
+
+    Raises:
+        DeviceError: the camera sent something that is no whole picture.
+    """
+    width = _width(flavour, sight)
+    if flavour.kind is Kind.RAW:
+        if own_jpeg is not None and own_jpeg.startswith(_JPEG_START) and not _is_less(width, sight.frame):
+            return _picture(flavour, sight, own_jpeg)
+        return _picture(flavour, sight, _jpeg(shrunk(sight.image, width), sight))
+    if flavour.kind is Kind.STRIPE:
+        return _numbered(flavour, sight).with_stripes(sight.stripes)
+    if flavour.kind is Kind.MASK:
+        mask = shrunk(255 * sight.mask.astype(np.uint8), width)
+        if flavour.is_packed:
+            return _numbered(flavour, sight).with_bits(mask > 0)
+        return _numbered(flavour, sight, _jpeg(mask, sight))
+    return _numbered(flavour, sight, _jpeg(_overlay(sight, found, width), sight))
+
+
+def nothing_new(flavour: Flavour, last: Frame | None, problem: str) -> LivePicture:
+    """Says that no picture comes: the last one dimmed with the sentence on it; no stripes, nothing lit.
+
+    Args:
+        flavour: which.
+        last: the newest frame there was.
+        problem: why, as a sentence.
+    """
+    size = _BLANK if last is None else last.size
+    index, exposed_s = (-1, 0.0) if last is None else (last.index, last.exposed_s)
+    picture = LivePicture(
+        flavour.kind, b"", JPEG, index, exposed_s, size, is_stale=True, problem=problem
+    )  # fmt: skip
+    if flavour.kind is Kind.STRIPE:
+        return picture.with_stripes(())
+    if flavour.is_packed:
+        return picture.with_bits(np.zeros((size[1], size[0]), np.bool_))
+    image = with_notice(shrunk(_last_image(last), flavour.width), ("No picture.", problem))
+    return LivePicture(
+        flavour.kind, encode(image, "jpeg", 80), JPEG, index, exposed_s, size, None, True, problem
+    )
+
+
+def _overlay(sight: Sight, found: Found, width: int | None) -> Image:
+    outlines = sight.known.outlines(sight.frame.size) if sight.settings.shows_region else ()
+    stripes = tuple(each.stripe for each in sight.stripes)
+    marks = Marks(stripes, found.board, found.markers, outlines, sight.captions)
+    return painted(sight.image, marks, width)
+
+
+def _width(flavour: Flavour, sight: Sight) -> int | None:
+    return sight.settings.width if flavour.width is None else flavour.width
+
+
+def _is_less(width: int | None, frame: Frame) -> bool:
+    return width is not None and width < frame.size[0]
+
+
+def _jpeg(image: Image, sight: Sight) -> bytes:
+    return encode(image, "jpeg", sight.settings.quality)
+
+
+def _picture(flavour: Flavour, sight: Sight, data: bytes) -> LivePicture:
+    frame = sight.frame
+    return LivePicture(flavour.kind, data, JPEG, frame.index, frame.exposed_s, frame.size)
+
+
+def _numbered(flavour: Flavour, sight: Sight, data: bytes = b"") -> LivePicture:
+    frame = sight.frame
+    return LivePicture(flavour.kind, data, JPEG, frame.index, frame.exposed_s, frame.size, sight.numbers)
+
+
+def _last_image(last: Frame | None) -> Image:
+    blank = np.zeros((_BLANK[1], _BLANK[0]), np.uint8)
+    if last is None:
+        return blank
+    try:
+        return last.image()
+    except DeviceError:
+        return blank

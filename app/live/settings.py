@@ -1,0 +1,164 @@
+"""What a live picture shows, changed while people look."""
+
+import inspect
+import math
+from dataclasses import dataclass, fields, replace
+from enum import StrEnum
+from typing import Any, Literal, Self, TypeAlias, get_args
+
+from app.errors import OptionError
+from app.scanning.sources import scan_detector
+from app.vision.stripe import STRIPE_DETECTORS, StripeDetector
+
+Channel: TypeAlias = Literal["red", "green", "blue", "any", "difference"]
+
+_HINT = "Choose another value."
+_USUAL_THRESHOLD = 20.0
+_WIDTHS = (240, 320, 480, 640, 800, 960, 1280, 1600, 1920, 2560, 3840)
+
+
+class Kind(StrEnum):
+    """The kinds of live picture."""
+
+    RAW = "raw"
+    MASK = "mask"
+    OVERLAY = "overlay"
+    STRIPE = "stripe"
+
+
+@dataclass(frozen=True, slots=True)
+class LiveSettings:
+    """One set for all viewers.
+
+    Attributes:
+        detector: name of the stripe detector.
+        threshold: a peak is no stripe, and a pixel not lit, below this height, grey levels; None for the
+            detector's own.
+        channel: colour in which the laser is looked for; `difference` takes its own colour less the last
+            picture without laser; None for the laser's own colour.
+        laser: only this one; None for all that are lit.
+        quality: of JPEG made here, 1..100.
+        width: columns of pictures at most, for viewers that ask for none; None for all there are.
+        shows_board: whether the calibration board is looked for and painted.
+        shows_markers: the same for markers on the table.
+        shows_region: whether the limits of what is scanned are painted.
+    """
+
+    detector: str = "zero-crossing"
+    threshold: float | None = None
+    channel: Channel | None = None
+    laser: str | None = None
+    quality: int = 80
+    width: int | None = None
+    shows_board: bool = True
+    shows_markers: bool = True
+    shows_region: bool = True
+
+    def changed(self, lasers: tuple[str, ...], **changes: Any) -> Self:
+        """With other values, each checked.
+
+        Args:
+            lasers: names that exist.
+            changes: by the names of the attributes.
+
+        Raises:
+            OptionError: naming the setting.
+        """
+        known = [field.name for field in fields(self)]
+        for name, value in changes.items():
+            if name not in known:
+                raise OptionError(
+                    f"Live pictures have no setting {name!r}.", f"Known are: {', '.join(known)}."
+                )
+            _CHECKS.get(name, _is_flag)(name, value)
+        new = replace(self, **changes)
+        if new.laser is not None and new.laser not in lasers:
+            there = ", ".join(lasers) or "none"
+            raise OptionError(f"laser: there is no laser called {new.laser!r}.", f"There are: {there}.")
+        return new
+
+    def make_detector(self) -> StripeDetector:
+        """As a scan uses it, at this threshold."""
+        if self.threshold is None or self._own_threshold is None:
+            return scan_detector(self.detector)
+        return scan_detector(self.detector, min_strength=self.threshold)
+
+    @property
+    def level(self) -> float:
+        """The threshold in force, grey levels."""
+        if self.threshold is not None:
+            return self.threshold
+        own = self._own_threshold
+        return _USUAL_THRESHOLD if own is None else own
+
+    @property
+    def _own_threshold(self) -> float | None:
+        taken = inspect.signature(STRIPE_DETECTORS.maker(self.detector)).parameters.get("min_strength")
+        return None if taken is None else float(taken.default)
+
+
+def usual_width(name: str, width: object) -> int | None:
+    """The next larger of a few widths, so that many different phones make few different pictures.
+
+    Raises:
+        OptionError: it is no width; the message begins with `name`.
+    """
+    _is_width(name, width)
+    if not isinstance(width, int):
+        return None
+    return next((usual for usual in _WIDTHS if usual >= width), None)
+
+
+def _is_detector(name: str, value: object) -> None:
+    known = list(STRIPE_DETECTORS)
+    if value not in known:
+        raise OptionError(
+            f"{name}: there is no stripe detector called {value!r}.", f"Choose one of: {', '.join(known)}."
+        )
+
+
+def _is_threshold(name: str, value: object) -> None:
+    if value is None:
+        return
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        raise OptionError(f"{name}: must be a number of grey levels, not {value!r}.", _HINT)
+    if not 1.0 <= value <= 254.0:
+        raise OptionError(f"{name}: cannot be {value:g}.", "Give 1 to 254 grey levels.")
+
+
+def _is_channel(name: str, value: object) -> None:
+    known = get_args(Channel)
+    if value is not None and value not in known:
+        raise OptionError(f"{name}: there is no channel {value!r}.", f"Choose one of: {', '.join(known)}.")
+
+
+def _is_name(name: str, value: object) -> None:
+    if value is not None and not isinstance(value, str):
+        raise OptionError(f"{name}: must be the name of a laser, not {value!r}.", _HINT)
+
+
+def _is_quality(name: str, value: object) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100:
+        raise OptionError(f"{name}: cannot be {value!r}.", "Give a whole number from 1 to 100.")
+
+
+def _is_width(name: str, value: object) -> None:
+    if value is None:
+        return
+    if isinstance(value, bool) or not isinstance(value, int) or not 16 <= value <= 10_000:
+        raise OptionError(f"{name}: cannot be {value!r}.", "Give a whole number of pixels from 16 to 10000.")
+
+
+def _is_flag(name: str, value: object) -> None:
+    if not isinstance(value, bool):
+        raise OptionError(f"{name}: must be true or false, not {value!r}.", _HINT)
+
+
+_CHECKS = {
+    "detector": _is_detector,
+    "threshold": _is_threshold,
+    "channel": _is_channel,
+    "laser": _is_name,
+    "quality": _is_quality,
+    "width": _is_width,
+}
