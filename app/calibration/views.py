@@ -193,9 +193,12 @@ def _look_at(
 ) -> tuple[View | None, list[tuple[str, str]]]:
     shots: list[Shot] = []
     problems: list[tuple[str, str]] = []
+    has_dark = any(not entry.lasers_on for entry in situation.entries)
     for entry in situation.entries:
+        # JPEG keeps colours at half the size, which shifts stripes: with a dark partner brightness will do.
+        grey = has_dark and entry.file.lower().endswith((".jpg", ".jpeg"))
         try:
-            shots.append(situation.recording.load(entry))
+            shots.append(situation.recording.load(entry, grey=grey))
         except FrameError as error:
             if not skips_bad_frames:
                 raise
