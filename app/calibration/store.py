@@ -74,8 +74,10 @@ class CalibrationStore:
         """Files of those in the bin, oldest first."""
         return _documents(self.folder / _BIN)
 
-    def kept(self) -> tuple[KeptCalibration, ...]:
-        """All calibrations, oldest first; one that cannot be read says so and hides no other."""
+    def kept(self, *, in_bin: bool = False) -> tuple[KeptCalibration, ...]:
+        """All calibrations, or all in the bin, oldest first; one that cannot be read hides no other."""
+        if in_bin:
+            return tuple(_kept(path, is_current=False) for path in self.removed())
         try:
             current: Path | None = self.current_path()
         except CalibrationFileError:

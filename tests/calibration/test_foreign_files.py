@@ -15,9 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from app.calibration.foreign.found import View
 from app.calibration.foreign.importing import import_calibration, notes_of, parse_calibration
 from app.calibration.record import CalibrationRecord
+from app.devices.frame import Mounting
 from app.errors import CalibrationFileError
 from app.simulation.rig import standard_rig
 
@@ -26,8 +26,8 @@ BENT = standard_rig(960, 1280).rig
 Change = Callable[[dict[str, Any]], object]
 
 
-def read(document: dict[str, Any], view: View | None = None) -> CalibrationRecord:
-    return parse_calibration(json.dumps(document).encode(), "their.json", view or View(90))
+def read(document: dict[str, Any], bench: Mounting | None = None) -> CalibrationRecord:
+    return parse_calibration(json.dumps(document).encode(), "their.json", bench or Mounting(90))
 
 
 def horus(rig: Any = RIG, **values: object) -> dict[str, Any]:
@@ -61,7 +61,7 @@ def test_a_record_tells_where_it_comes_from_also_after_it_was_kept(tmp_path: Pat
 
 def test_the_picture_that_it_is_for_is_told() -> None:
     assert "For pictures of 960 x 1280: rotation = 90 and mirror = false" in said(read(horus()))
-    sensor = read(horus(), View())
+    sensor = read(horus(), Mounting())
     assert sensor.camera.size == (1280, 960)
     assert "For pictures of 1280 x 960: rotation = 0" in said(sensor)
 
@@ -73,7 +73,7 @@ def test_the_direction_of_the_table_is_told(document: dict[str, Any], way: str) 
     record = read(document)
     assert record.extra["provenance"]["turntable_direction"] == way
     assert f'direction = "{way}"' in said(record)
-    mirrored = read(document, View(90, is_mirrored=True))
+    mirrored = read(document, Mounting(90, is_mirrored=True))
     assert mirrored.extra["provenance"]["turntable_direction"] != way
 
 
@@ -262,7 +262,7 @@ def test_what_is_wrong_is_named(document: dict[str, Any], problem: str) -> None:
 def test_a_calibration_of_this_program_stays_as_it_is(tmp_path: Path) -> None:
     record = CalibrationRecord(camera=BENT.camera, lasers=BENT.lasers, axis=BENT.axis, method="joint")
     record.save(tmp_path / "ours.json")
-    assert import_calibration(tmp_path / "ours.json", View(90)).to_bytes() == record.to_bytes()
+    assert import_calibration(tmp_path / "ours.json", Mounting(90)).to_bytes() == record.to_bytes()
 
 
 @pytest.mark.parametrize("ending", ["yml", "yaml", "xml"])
@@ -299,7 +299,7 @@ def test_a_file_that_is_not_there_or_too_large_is_named(tmp_path: Path) -> None:
 )
 def test_no_text_is_a_surprise(start: str, rest: str) -> None:
     with pytest.raises(CalibrationFileError):
-        parse_calibration((start + rest + "}" * start.count("{")).encode("utf-8", "replace"), "x", View())
+        parse_calibration((start + rest + "}" * start.count("{")).encode("utf-8", "replace"), "x", Mounting())
 
 
 @given(

@@ -22,23 +22,23 @@ from foreign_files import (
 from numpy.testing import assert_allclose
 from scipy.spatial.distance import pdist
 
-from app.calibration.foreign.found import View
 from app.calibration.foreign.importing import import_calibration
 from app.calibration.record import CalibrationRecord
+from app.devices.frame import Mounting, Rotation
 from app.geometry.arrays import Points
 from app.geometry.rig import Rig
 from app.simulation.rig import standard_rig
 
 FLIPS = tuple(product((False, True), repeat=3))
-VIEWS = tuple(product((0, 90, 180, 270), (False, True)))
+ROTATIONS: tuple[Rotation, ...] = (0, 90, 180, 270)
 Write = Callable[..., dict[str, Any]]
 PROGRAMS = [pytest.param(horus_file, -1.0, id="horus"), pytest.param(fabscan_file, 1.0, id="fabscan")]
 
 
-def imported(folder: Path, document: dict[str, Any], view: View) -> CalibrationRecord:
+def imported(folder: Path, document: dict[str, Any], bench: Mounting) -> CalibrationRecord:
     path = folder / "calibration.json"
     path.write_text(json.dumps(document))
-    return import_calibration(path, view)
+    return import_calibration(path, bench)
 
 
 def is_proper(flips: tuple[bool, bool, bool]) -> bool:
@@ -58,9 +58,9 @@ def test_a_picture_turned_as_the_program_does_gives_the_very_same_rig(
     write: Write, sign: float, size: tuple[int, int], is_bent: bool, tmp_path: Path
 ) -> None:
     rig = standard_rig(*size, distortion=None if is_bent else np.zeros(5)).rig
-    view = View(90) if size == (960, 1280) else View()
+    bench = Mounting(90) if size == (960, 1280) else Mounting()
     flips = (True, True, False) if size == (960, 1280) else (False, False, False)
-    record = imported(tmp_path, write(rig, flips=flips), view)
+    record = imported(tmp_path, write(rig, flips=flips), bench)
     assert record.camera.size == size
     assert_allclose(record.camera.matrix, rig.camera.matrix, rtol=1e-14)
     assert_allclose(record.camera.distortion, rig.camera.distortion)
@@ -87,8 +87,8 @@ def test_every_turn_of_a_picture_gives_the_same_points(
     sensor_size = rig.camera.size[::-1] if flips[0] else rig.camera.size
     pixels = stripe(rig)
     theirs = _all(rig, partial(their_points, rig, pixels, sign=sign))
-    for rotation, mirror in VIEWS:
-        record = imported(tmp_path, write(rig, flips=flips), View(rotation, mirror))
+    for rotation, mirror in product(ROTATIONS, (False, True)):
+        record = imported(tmp_path, write(rig, flips=flips), Mounting(rotation, mirror))
         seen = in_the_bench(in_the_sensor(pixels, sensor_size, flips), sensor_size, rotation, mirror)
         ours = _all(rig, partial(our_points, record, seen))
         assert record.camera.size == (sensor_size if rotation in (0, 180) else sensor_size[::-1])
@@ -114,7 +114,7 @@ def test_rounding_to_three_decimals_costs_little(write: Write, sign: float, tmp_
         numbers = group[name]["value"] if isinstance(group[name], dict) else group[name]
         rounded = np.round(np.array(numbers), 3).tolist()
         group[name] = {"value": rounded} if isinstance(group[name], dict) else rounded
-    record = imported(tmp_path, document, View(90))
+    record = imported(tmp_path, document, Mounting(90))
     here = true.triangulate(stripe(true), "left", 0.0)
     there = record.rig.triangulate(stripe(true), "left", 0.0)
     error = np.linalg.norm(here - there, axis=1)

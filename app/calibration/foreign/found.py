@@ -8,6 +8,7 @@ import numpy as np
 
 from app.calibration.foreign.picture_turn import PictureTurn
 from app.calibration.record import CalibrationRecord
+from app.devices.frame import Mounting
 from app.geometry.arrays import Floats, Matrix3, Vector3
 from app.geometry.axis import TurntableAxis
 from app.geometry.camera import CameraIntrinsics
@@ -19,19 +20,6 @@ _HALF_A_DIGIT = 0.5 * 10.0**-_DECIMALS
 # A lens and a sensor are mounted better than this.
 _MOST_OFF_CENTRE = 0.09
 _OTHER_WAY: Mapping[Direction, Direction] = {"ccw": "cw", "cw": "ccw"}
-
-
-@dataclass(frozen=True, slots=True)
-class View:
-    """How the bench turns its pictures.
-
-    Attributes:
-        rotation: degrees clockwise: 0, 90, 180 or 270.
-        is_mirrored: whether left and right are exchanged afterwards.
-    """
-
-    rotation: int = 0
-    is_mirrored: bool = False
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -67,9 +55,9 @@ class ForeignCalibration:
     direction: Direction
     notes: tuple[str, ...] = ()
 
-    def record(self, file_name: str, view: View) -> CalibrationRecord:
+    def record(self, file_name: str, bench: Mounting) -> CalibrationRecord:
         """The calibration for pictures as a bench takes them; what it cannot tell is in its notes."""
-        seen = PictureTurn.clockwise(view.rotation, is_mirrored=view.is_mirrored)
+        seen = PictureTurn.clockwise(bench.rotation, is_mirrored=bench.is_mirrored)
         turn = seen.after(self.turn.inverse())
         camera = turn.camera(self.camera)
         direction = _OTHER_WAY[self.direction] if turn.is_mirrored else self.direction
@@ -79,7 +67,7 @@ class ForeignCalibration:
             offset = 0.0 if self.knows_table else math.nan
             axis = TurntableAxis(turn.vector(self.translation_mm), turn.vector(up), offset)
         notes = (
-            _about_pictures(camera, view),
+            _about_pictures(camera, bench),
             *self._about_camera(),
             *self._about_lasers(),
             *self._about_table(direction),
@@ -174,11 +162,11 @@ def plane_of(normal: tuple[float, ...], distance_mm: float) -> LaserPlane | None
     return LaserPlane(vector / length, distance_mm / length)
 
 
-def _about_pictures(camera: CameraIntrinsics, view: View) -> str:
+def _about_pictures(camera: CameraIntrinsics, bench: Mounting) -> str:
     width, height = camera.size
-    mirror = str(view.is_mirrored).lower()
+    mirror = str(bench.is_mirrored).lower()
     return (
-        f"For pictures of {width} x {height}: rotation = {view.rotation} and mirror = {mirror} in the bench "
+        f"For pictures of {width} x {height}: rotation = {bench.rotation} and mirror = {mirror} in the bench "
         "file. For pictures that are turned in another way, import again and say how."
     )
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 from app.calibration.camera_file import OPENCV_SUFFIXES, load_camera
 from app.calibration.foreign import fabscan, horus
-from app.calibration.foreign.found import View
 from app.calibration.record import CalibrationRecord
+from app.devices.frame import Mounting
 from app.documents import Entry, parse_document
 from app.errors import CalibrationFileError
 from app.files import reason
@@ -18,12 +18,12 @@ _WHICH_HINT = (
 )
 
 
-def import_calibration(path: Path, view: View | None = None) -> CalibrationRecord:
+def import_calibration(path: Path, bench: Mounting | None = None) -> CalibrationRecord:
     """Read a calibration of this program, of Horus or of FabScanPi, or a camera of OpenCV.
 
     Args:
         path: the file.
-        view: how the bench turns its pictures, for programs that turn them in their own way.
+        bench: how the bench turns its pictures, for programs that turn them in their own way.
 
     Raises:
         CalibrationFileError: naming the file and the field.
@@ -37,10 +37,10 @@ def import_calibration(path: Path, view: View | None = None) -> CalibrationRecor
         raise CalibrationFileError(str(path), reason(error)) from error
     if len(data) > _MOST_BYTES:
         raise CalibrationFileError(str(path), f"is larger than {_MOST_BYTES // 2**20} MB")
-    return parse_calibration(data, str(path), view or View())
+    return parse_calibration(data, str(path), bench or Mounting())
 
 
-def parse_calibration(data: bytes, source: str, view: View) -> CalibrationRecord:
+def parse_calibration(data: bytes, source: str, bench: Mounting) -> CalibrationRecord:
     """The bytes of a JSON file of this program, of Horus or of FabScanPi; `source` names it in messages.
 
     Raises:
@@ -55,7 +55,7 @@ def parse_calibration(data: bytes, source: str, view: View) -> CalibrationRecord
         found = fabscan.read_fabscan(data, source)
     else:
         raise CalibrationFileError(source, _WHICH, _WHICH_HINT)
-    record = found.record(Path(source).name, view)
+    record = found.record(Path(source).name, bench)
     # What is wrong only together, such as a plane through the camera, is found here.
     return CalibrationRecord.parse(record.to_bytes(), source)
 
