@@ -10,7 +10,7 @@ from app.errors import DeviceTimeout, DeviceUnrecognised
 
 BAUDS = (115200, 57600, 14400)
 # The boot loader takes a second.
-BOOT_S = 1.5
+_BOOT_S = 1.5
 _KNOCK_S = 0.15
 # How long a port stays closed, so that opening it gives an edge on DTR, which resets the board.
 _CLOSED_S = 0.1
@@ -35,11 +35,11 @@ class FabScanDialogue:
         self._prompt = re.compile(rb">\r\n")
         self.version = self.board = ""
 
-    def open(self, patience_s: float = BOOT_S) -> None:
+    def open(self, extra_s: float = 0.0) -> None:
         """Open the port, which resets the board, at the rate at which it answers.
 
         Args:
-            patience_s: how long to ask at each rate; a board that is not reset answers after its move.
+            extra_s: how much longer to ask at each rate; a board that is not reset answers after its move.
 
         Raises:
             DeviceUnrecognised: it does not answer as such a board does.
@@ -52,7 +52,7 @@ class FabScanDialogue:
             self.link.baud = baud
             self.link.open()
             was_open = True
-            if self._greet(patience_s):
+            if self._greet(_BOOT_S + extra_s):
                 # It was right once and will be again.
                 self._bauds = (baud, *(other for other in self._bauds if other != baud))
                 self.board = _BOARDS.get(self.request("M201").strip(), "")
@@ -85,7 +85,8 @@ class FabScanDialogue:
                     raise
                 self.link.listen(_KNOCK_S, self._prompt)
 
-    def _request_once(self, command: str, timeout_s: float = _ECHO_S + _ANSWER_S) -> str:
+    def _request_once(self, command: str, timeout_s: float | None = None) -> str:
+        timeout_s = timeout_s or _ECHO_S + _ANSWER_S
         ends = time.monotonic() + timeout_s
         self.send(command, min(timeout_s, _ECHO_S))
         return self.await_prompt(command, max(0.0, ends - time.monotonic()))
@@ -95,11 +96,11 @@ class FabScanDialogue:
         self.link.write(b"\n")
         self.link.listen(_KNOCK_S, self._prompt)
 
-    def send(self, command: str, echo_s: float = _ECHO_S) -> None:
+    def send(self, command: str, echo_s: float | None = None) -> None:
         """Say something, and hear that the board has understood every byte."""
         self.link.discard()
         self.write(command)
-        self.await_echo(command, echo_s)
+        self.await_echo(command, echo_s or _ECHO_S)
 
     def write(self, command: str) -> None:
         """Say something that the board may read later."""

@@ -141,7 +141,7 @@ class GrblDialogue:
         return False
 
     def request(
-        self, line: str, timeout_s: float = ANSWER_S, on_sent: Callable[[], None] | None = None
+        self, line: str, timeout_s: float | None = None, on_sent: Callable[[], None] | None = None
     ) -> list[str]:
         """Send a line and wait for its `ok`; what came before that, line by line.
 
@@ -157,6 +157,7 @@ class GrblDialogue:
         self.link.write(line.encode("ascii", "replace") + b"\n")
         if on_sent is not None:
             on_sent()
+        timeout_s = timeout_s or ANSWER_S
         ends_s, heard = time.monotonic() + timeout_s, list[str]()
         in_step, self.is_in_step = self.is_in_step, False
         while True:
@@ -174,7 +175,7 @@ class GrblDialogue:
                 raise self._refusal(line, int(found[1]))
             heard.append(said)
 
-    def status(self, timeout_s: float = ANSWER_S) -> GrblStatus:
+    def status(self, timeout_s: float | None = None) -> GrblStatus:
         """Ask where it stands; it answers in mid-move too.
 
         Raises:
@@ -183,7 +184,7 @@ class GrblDialogue:
         for _ in range(_REPORTS_WITHOUT_OFFSET):
             self._heed(self.link.discard())
             self.link.write(b"?")
-            found = self.link.wait_for(_REPORT, timeout_s, "?")
+            found = self.link.wait_for(_REPORT, timeout_s or ANSWER_S, "?")
             if found["report"] is None:
                 self._heed(found["banner"])
             status = parse_status(found["report"].decode("ascii", "replace"))

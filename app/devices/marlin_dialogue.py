@@ -84,11 +84,11 @@ class MarlinDialogue:
                 self.link.write(b"\nM115\n")
         raise DeviceUnrecognised(self.link.device, f"{self.link.port} does not answer as Marlin does")
 
-    def ask(self, line: str, timeout_s: float = ANSWER_S) -> list[str]:
+    def ask(self, line: str, timeout_s: float | None = None) -> list[str]:
         """Say something that may be said twice; return what comes before the `ok`, and what it carries.
 
         Args:
-            timeout_s: without a sign of life.
+            timeout_s: without a sign of life; the usual one by default.
 
         Raises:
             MarlinRestarted: the board has reset itself; it has not done it.
@@ -99,12 +99,13 @@ class MarlinDialogue:
         except DeviceTimeout:
             return self.ask_once(line, timeout_s)
 
-    def ask_once(self, line: str, timeout_s: float = ANSWER_S) -> list[str]:
+    def ask_once(self, line: str, timeout_s: float | None = None) -> list[str]:
         """As `ask`, for what must not be said twice."""
         if not self.is_in_step:
             self.find_position()
         self.heed(self.link.discard())
         self.is_in_step = False
+        timeout_s = timeout_s or ANSWER_S
         self.link.write(line.encode("ascii", "replace") + b"\n")
         answer: list[str] = []
         ends = time.monotonic() + timeout_s

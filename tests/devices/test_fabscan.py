@@ -21,6 +21,15 @@ from app.simulation.firmware.port import EmulatedPort
 _STEP_DEG = 360.0 / 3200.0
 
 
+@pytest.fixture(autouse=True)
+def _less_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The emulated world runs ten times as fast."""
+    monkeypatch.setattr("app.devices.fabscan_dialogue._BOOT_S", 0.6)
+    monkeypatch.setattr("app.devices.fabscan_dialogue._ECHO_S", 0.5)
+    monkeypatch.setattr("app.devices.fabscan_dialogue._ANSWER_S", 0.5)
+    monkeypatch.setattr("app.devices.turntables.fabscan._SLACK_S", 0.8)
+
+
 class TestCiclopOf2021(TurntableContract):
     rate = 25.0
 

@@ -19,7 +19,16 @@ from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
 
 
+@pytest.fixture(autouse=True)
+def _less_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The emulated world runs ten times as fast."""
+    monkeypatch.setattr("app.devices.fabscan100_line._BOOT_S", 1.5)
+
+
 class TestFabScan100(TurntableContract):
+    # It is paced by the host, in real time.
+    steady_deg = 20.0
+
     def make_firmware(self, plant: Plant) -> Firmware:
         return fabscan100.FabScan100(plant)
 

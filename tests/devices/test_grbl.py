@@ -32,9 +32,11 @@ _OPTIONS = {"steps_per_deg": 80.0 / 9.0, "speed_deg_s": 90.0, "acceleration_deg_
 
 
 @pytest.fixture(autouse=True)
-def _short_wait_for_a_banner(monkeypatch: pytest.MonkeyPatch) -> None:
+def _less_patience(monkeypatch: pytest.MonkeyPatch) -> None:
     """The emulated world runs ten times as fast."""
     monkeypatch.setattr("app.devices.grbl_dialogue._BANNER_S", 0.8)
+    monkeypatch.setattr("app.devices.grbl_dialogue._RESET_S", 0.8)
+    monkeypatch.setattr("app.devices.grbl_dialogue.ANSWER_S", 1.0)
 
 
 class TestGrbl(TurntableContract):

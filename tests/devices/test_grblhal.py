@@ -15,6 +15,14 @@ from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
 
 
+@pytest.fixture(autouse=True)
+def _less_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The emulated world runs ten times as fast."""
+    monkeypatch.setattr("app.devices.grbl_dialogue._BANNER_S", 0.8)
+    monkeypatch.setattr("app.devices.grbl_dialogue._RESET_S", 0.8)
+    monkeypatch.setattr("app.devices.grbl_dialogue.ANSWER_S", 1.0)
+
+
 class TestGrblHal(TurntableContract):
     def make_firmware(self, plant: Plant) -> Firmware:
         return GrblHal(plant)

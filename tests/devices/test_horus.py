@@ -24,6 +24,13 @@ from app.simulation.firmware.port import EmulatedPort
 Plug = Callable[..., EmulatedPort]
 
 
+@pytest.fixture(autouse=True)
+def _less_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The emulated world runs ten times as fast."""
+    monkeypatch.setattr("app.devices.horus_recognition._BOOT_S", 0.8)
+    monkeypatch.setattr("app.devices.horus_line._BANNER_S", 0.8)
+
+
 class TestHorus(TurntableContract):
     def make_firmware(self, plant: Plant) -> Firmware:
         return Horus(plant)
@@ -285,10 +292,11 @@ def test_a_speed_that_the_timer_cannot_count_is_refused_in_words(plug: Plug) -> 
 def test_late_answers_are_not_taken_for_those_to_the_next_command(plug: Plug) -> None:
     port = plug()
     with connected(port) as table:
-        port.slow(35.0)
+        port.slow(12.0)
+        late_s = port.clock.now_s() + 12.5
         with pytest.raises(DeviceTimeout):
             table.set_laser(1, True)
-        time.sleep(2.5)
+        wait_until(lambda: port.clock.now_s() > late_s)
         table.set_laser(1, False)
         assert not plant_state(port).outputs_on
         assert table.move_to(9.0) == 9.0

@@ -29,7 +29,14 @@ from app.simulation.firmware.port import EmulatedPort
 _STEP_DEG = 360.0 / 3200.0
 
 
-_RATE = 8.0
+_RATE = 16.0
+
+
+@pytest.fixture(autouse=True)
+def _less_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The emulated world runs faster."""
+    monkeypatch.setattr("app.devices.marlin_dialogue.ANSWER_S", 1.0)
+    monkeypatch.setattr("app.devices.marlin_dialogue._SILENCE_S", 1.2)
 
 
 class HurriedDialogue(MarlinDialogue):
@@ -318,7 +325,7 @@ def test_a_halted_board_is_made_safe_by_a_reset(table: Driver, emulator: Emulate
 
 def test_a_board_that_is_busy_is_waited_for(emulator: EmulatedPort) -> None:
     with connected(emulator) as table:
-        table._link.write(b"G4 S24\n")
+        table._link.write(b"G4 S30\n")
         assert table.move_to(9.0) == pytest.approx(9.0)
         assert plant_state(emulator).angle_deg == pytest.approx(9.0)
 

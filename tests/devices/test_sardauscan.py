@@ -17,6 +17,13 @@ from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
 
 
+@pytest.fixture(autouse=True)
+def _less_patience(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The emulated world runs ten times as fast."""
+    monkeypatch.setattr("app.devices.turntables.sardauscan._BANNER_S", 0.8)
+    monkeypatch.setattr("app.devices.turntables.sardauscan._PATIENCE_S", 1.0)
+
+
 class TestSardauscan(TurntableContract):
     steps_per_turn = 4072.0
 

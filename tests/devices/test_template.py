@@ -17,7 +17,7 @@ from app.simulation.firmware.kernel import Firmware
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
 
-_FULL = dict(Plain.driver_options)
+_FULL = {**Plain.driver_options, "answer_s": 0.8, "boot_s": 0.8}
 # The least a board can have: nothing tells who or where it is, and nothing stops it.
 _BARE = {
     "move": "TURN {delta} {speed}",

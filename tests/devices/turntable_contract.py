@@ -26,10 +26,12 @@ class TurntableContract:
     Attributes:
         steps_per_turn: of the wired table, in the board's pulses.
         rate: how much faster than real the emulated world runs.
+        steady_deg: how far a steady turn goes.
     """
 
     steps_per_turn = 3200.0
     rate = 10.0
+    steady_deg = 90.0
 
     def make_firmware(self, plant: Plant) -> Firmware:
         raise NotImplementedError
@@ -221,12 +223,12 @@ class TurntableContract:
     def test_a_steady_turn_has_the_speed_it_says(self, table: Turntable, emulator: EmulatedPort) -> None:
         if not table.facts.can_turn_steadily:
             pytest.skip("this board has no choice of speed")
-        turn = table.start_turning(90.0, 15.0)
+        turn = table.start_turning(self.steady_deg, 15.0)
         reached = table.finish_turning()
-        assert reached == pytest.approx(90.0, abs=table.facts.smallest_deg)
+        assert reached == pytest.approx(self.steady_deg, abs=table.facts.smallest_deg)
         assert plant_state(emulator).angle_deg == pytest.approx(reached, abs=table.facts.smallest_deg)
         assert turn.speed_deg_s == pytest.approx(15.0, rel=0.25)
-        assert turn.duration_s == pytest.approx(90.0 / turn.speed_deg_s, rel=0.2)
+        assert turn.duration_s == pytest.approx(self.steady_deg / turn.speed_deg_s, rel=0.2)
 
     def test_too_slow_a_turn_is_refused(self, table: Turntable) -> None:
         if table.facts.slowest_deg_s <= 0.0 or not table.facts.can_turn_steadily:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from app.devices.bearings import Bearings
 from app.devices.board_driver import BoardDriver
-from app.devices.fabscan_dialogue import BAUDS, BOOT_S, FabScanDialogue
+from app.devices.fabscan_dialogue import BAUDS, FabScanDialogue
 from app.devices.fabscan_words import (
     FASTEST,
     LASERS,
@@ -231,7 +231,7 @@ class FabScan(BoardDriver):
         left_s = 0.0 if self._turn is None else max(0.0, self._turn.ends_s - time.monotonic())
         self._turn = None
         self._bearings.lose()
-        self._board.open(BOOT_S + left_s)
+        self._board.open(left_s)
         self._counts_per_step = self._asked_counts or usual_counts_per_step(self._board.version)
 
     def _dialogue(self) -> contextlib.ExitStack:

@@ -58,7 +58,8 @@ class HorusMotor:
         if stop >= way * motion.position_at(math.inf):
             return
         distance = stop - way * at
-        if distance > 0.0 and speed != 0.0:
+        # Below the slowest speed there is no ramp left: the step that has begun is the last.
+        if distance > 0.0 and abs(speed) > _SLOWEST_STEPS_S:
             self.motion = motion.braked(now_s, speed * speed / (2.0 * distance))
         else:
             self.motion = _ended(motion, now_s, way * stop)
