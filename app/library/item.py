@@ -1,15 +1,15 @@
 """What the library knows of a scan, read from its folder."""
 
-import json
 import os
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal, Self
 
-from app.documents import Entry, read_document
-from app.errors import LibraryError, PointCloudFileError, ScannerError
+from pydantic import BaseModel, ConfigDict
+
+from app.errors import LibraryError, PointCloudFileError
 from app.library.about import parse_moment, read_about
 from app.locks import is_locked
 from app.recording.journal import JOURNAL_FILE, MANIFEST_FILE
@@ -20,6 +20,8 @@ CALIBRATION_FILE = "calibration.json"
 CLOUDS_FOLDER = "clouds"
 RECORDED = frozenset({SCAN_FILE, MANIFEST_FILE, JOURNAL_FILE})
 """Any of these at the top of a folder makes it a recording."""
+
+_MOST_BYTES = 256 << 20
 
 ScanStatus = Literal["running", "paused", "finished", "recording", "cloud", "damaged"]
 """`recording` is one that no scan of this program made, `cloud` a folder with clouds alone."""
@@ -99,18 +101,35 @@ class ScanItem:
         return self.folder / pictures[-1] if pictures else None
 
 
-class _ScanFacts(Entry):
+class _Facts(BaseModel):
+    """What is picked out of a file; the rest is passed over unchecked, for checking takes much longer."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+    @classmethod
+    def of(cls, path: Path) -> Self:
+        """Raises ValueError where the file does not say it, OSError where it is not there."""
+        if path.stat().st_size > _MOST_BYTES:
+            raise ValueError("is too large")
+        return cls.model_validate_json(path.read_bytes())
+
+
+class _ScanFacts(_Facts):
     status: Literal["running", "paused", "finished"]
     reason: str = ""
 
 
-class _CalibrationFacts(Entry):
+class _RecordingFacts(_Facts):
+    frames: list[Any]
+
+
+class _CalibrationFacts(_Facts):
     created: str
     method: str | None = None
     expected_error_mm: float | None = None
 
 
-class _CloudFacts(Entry):
+class _CloudFacts(_Facts):
     created: str | None = None
     detector: str = ""
     calibration: _CalibrationFacts | None = None
@@ -165,29 +184,27 @@ def _recorded(folder: Path) -> tuple[ScanStatus, str, int]:
     """Status, reason and number of pictures."""
     status: ScanStatus = "cloud"
     reason = ""
+    pictures = 0
+    file = ""
     try:
-        pictures = _pictures(folder)
-        if pictures is not None:
+        with suppress(FileNotFoundError):
+            file, pictures = MANIFEST_FILE, len(_RecordingFacts.of(folder / MANIFEST_FILE).frames)
             status = "recording"
-        if (folder / SCAN_FILE).is_file():
-            facts = read_document(folder / SCAN_FILE, _ScanFacts, _complain)
+        with suppress(FileNotFoundError):
+            # One that is still there is newer than the manifest; its first line is no picture.
+            pictures = max(0, (folder / JOURNAL_FILE).read_bytes().count(b"\n") - 1)
+            status = "recording"
+        with suppress(FileNotFoundError):
+            file = SCAN_FILE
+            facts = _ScanFacts.of(folder / SCAN_FILE)
             status, reason = facts.status, facts.reason
-    except (LibraryError, ValueError, TypeError, KeyError, RecursionError) as error:
-        return "damaged", str(error) if isinstance(error, LibraryError) else f"{MANIFEST_FILE} is damaged", 0
+    except ValueError:
+        return "damaged", f"{file} is damaged", pictures
     if is_busy(folder):
-        return "running", "", pictures or 0
+        return "running", "", pictures
     if status == "running":
-        return "paused", "its program ended before it did", pictures or 0
-    return status, reason, pictures or 0
-
-
-def _pictures(folder: Path) -> int | None:
-    """How many a recording lists; None without a recording. Its manifest is counted, not checked."""
-    with suppress(FileNotFoundError):
-        return max(0, (folder / JOURNAL_FILE).read_bytes().count(b"\n") - 1)
-    with suppress(FileNotFoundError):
-        return len(json.loads((folder / MANIFEST_FILE).read_bytes())["frames"])
-    return None
+        return "paused", "its program ended before it did", pictures
+    return status, reason, pictures
 
 
 def _measured(folder: Path) -> tuple[int, datetime]:
@@ -227,8 +244,8 @@ def _cloud(folder: Path, path: Path) -> CloudItem:
     points, detector, calibrated = 0, "", None
     with suppress(PointCloudFileError):
         points = ply_points(path)
-    with suppress(ScannerError, ValueError):
-        how = read_document(path.with_suffix(".json"), _CloudFacts, _complain)
+    with suppress(OSError, ValueError):
+        how = _CloudFacts.of(path.with_suffix(".json"))
         detector = how.detector
         created = created if how.created is None else parse_moment(how.created)
         calibrated = None if how.calibration is None else parse_moment(how.calibration.created)
@@ -240,11 +257,7 @@ def _cloud(folder: Path, path: Path) -> CloudItem:
 
 
 def _calibration(folder: Path) -> CalibrationNote | None:
-    with suppress(ScannerError, ValueError):
-        facts = read_document(folder / CALIBRATION_FILE, _CalibrationFacts, _complain)
+    with suppress(OSError, ValueError):
+        facts = _CalibrationFacts.of(folder / CALIBRATION_FILE)
         return CalibrationNote(parse_moment(facts.created), facts.method or "", facts.expected_error_mm)
     return None
-
-
-def _complain(where: str, problem: str) -> LibraryError:
-    return LibraryError(f"{where}: {problem}")
