@@ -12,7 +12,7 @@ $(STAMP): pyproject.toml
 	touch $(STAMP)
 
 run: $(STAMP)
-	$(BIN)/turnscan demo $(OUT)
+	$(BIN)/turnscan serve --bench simulated --folder $(OUT)
 
 check: $(STAMP)
 	$(BIN)/ruff format --check .

@@ -222,3 +222,10 @@ class BenchFileError(ScannerError):
     def __init__(self, where: str, problem: str, hint: str | None = None) -> None:
         super().__init__(f"{where}: {problem}", hint)
         self.where, self.problem = where, problem
+
+
+class NotThere(ScannerError):
+    """What the address names is not there."""
+
+    code = "not-there"
+    hint = "Ask for the list it should be in."

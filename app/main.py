@@ -1,1 +1,118 @@
 """The server: everything it is made of, entered in order and left in reverse."""
+
+import logging
+import threading
+from collections.abc import AsyncIterator
+from contextlib import ExitStack, asynccontextmanager, closing
+from pathlib import Path
+from typing import Any
+
+from fastapi import APIRouter, FastAPI
+from fastapi.responses import FileResponse
+from fastapi.staticfiles import StaticFiles
+from starlette.requests import HTTPConnection
+
+from app import api
+from app.api.guard import OwnPagesOnly, is_own
+from app.api.problems import Problem, answer_problems
+from app.api.routes import bench, events, jobs, live, scans
+from app.api.services import Services
+from app.calibration.store import CalibrationStore
+from app.devices.bench import Bench
+from app.devices.bench_file import BenchDescription
+from app.errors import CalibrationFileError, DeviceError
+from app.files import make_folder
+from app.jobs.events import BenchChanged, EventBus
+from app.jobs.runner import JobRunner
+from app.library.library import Library
+from app.live.pictures import LivePictures
+from app.settings import Settings
+from app.viewer.cloud_view import CloudView
+from app.viewer.proxy import view_routes
+
+API = "/api/v1"
+_START = Path(api.__file__).parent / "start"
+_POLICY = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'"
+_PROBLEMS: dict[int | str, dict[str, Any]] = {
+    "4XX": {"model": Problem, "description": "What is wrong with the request."},
+    "5XX": {"model": Problem, "description": "What the scanner cannot do now."},
+}
+_log = logging.getLogger(__name__)
+
+
+def create_app(settings: Settings, description: BenchDescription) -> FastAPI:
+    """The application; devices are connected when it starts, and what is missing is said by `/bench`.
+
+    Args:
+        settings: see there.
+        description: of the bench.
+
+    Raises:
+        OptionError, BenchFileError: the bench cannot be built.
+    """
+    parts = ExitStack()
+    machine = parts.enter_context(Bench.build(description))
+    view = parts.enter_context(CloudView())
+    for folder in (settings.scans, settings.jobs):
+        make_folder(folder)
+    bus = EventBus()
+    runner = JobRunner(settings.jobs, bus)
+    parts.callback(runner.close)
+    pictures = parts.enter_context(closing(LivePictures.of_bench(machine)))
+    served = Services(
+        bench_spec=settings.bench_spec,
+        bench=machine,
+        runner=runner,
+        library=Library(settings.scans),
+        calibrations=CalibrationStore(settings.calibrations),
+        live=pictures,
+        on_scan=lambda: view.begin(tuple(machine.lasers)),
+        on_profile=view.add,
+    )
+
+    @asynccontextmanager
+    async def lifespan(application: FastAPI) -> AsyncIterator[None]:
+        with parts:
+            threading.Thread(target=_set_up, args=(served, view), name="connect", daemon=True).start()
+            yield
+
+    application = FastAPI(
+        title="Turnscan", version="1", lifespan=lifespan, docs_url=None, redoc_url=None,
+        openapi_url=f"{API}/openapi.json", description="A laser turntable scanner.",
+    )  # fmt: skip
+    application.state.services = served
+    answer_problems(application)
+    versioned = APIRouter(prefix=API, responses=_PROBLEMS)
+    for routes in (bench, jobs, scans, live, events):
+        versioned.include_router(routes.router)
+    application.include_router(versioned)
+    application.router.routes.extend(view_routes(view, _may_enter))
+    application.mount("/start", StaticFiles(directory=_START))
+    application.add_api_route("/", _start_page, include_in_schema=False)
+    application.add_middleware(OwnPagesOnly)
+    return application
+
+
+def _start_page() -> FileResponse:
+    return FileResponse(_START / "index.html", headers={"Content-Security-Policy": _POLICY})
+
+
+def _may_enter(connection: HTTPConnection) -> bool:
+    return is_own(connection)
+
+
+def _set_up(served: Services, view: CloudView) -> None:
+    """What takes time: devices, and the scene that a calibration allows."""
+    try:
+        served.bench.connect()
+    except DeviceError as error:
+        _log.warning("%s %s", error.message, error.hint)
+    served.runner.bus.publish(BenchChanged())
+    try:
+        record = served.calibration()
+    except CalibrationFileError as error:
+        _log.warning("%s", error.message)
+        return
+    if record is not None and record.lasers and record.axis is not None:
+        view.show_rig(record.rig)
+        served.live.learn(rig=record.rig)

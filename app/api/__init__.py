@@ -1,1 +1,1 @@
-"""The scanner over HTTP and WebSocket."""
+"""The scanner over HTTP and WebSocket, at `/api/v1`."""

@@ -197,6 +197,15 @@ class Bench:
                 self._holder = ""
                 self._lease.release()
 
+    def refuse_held(self, wanted: str) -> None:
+        """Complain where a job holds the bench.
+
+        Raises:
+            BenchBusy: naming the job, and what was wanted.
+        """
+        if self._holder:
+            raise BenchBusy(f"The bench is in use ({self._holder}), so there is no {wanted}.")
+
     @contextmanager
     def lit(self, *names: str) -> Iterator[None]:
         """These lasers are on inside the block, and off after it."""

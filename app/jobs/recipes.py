@@ -54,6 +54,7 @@ def scan_work(
     order: ScanOrder,
     record: CalibrationRecord | None,
     on_profile: Callable[[Profile], None] | None = None,
+    on_begin: Callable[[], None] | None = None,
 ) -> Work:
     """Scan; then, where there is a calibration, the cloud beside the recording."""
 
@@ -65,6 +66,8 @@ def scan_work(
             bench.restore(session.table.angle_deg)
             place_table(bench, session, recovery, takes_target=order.takes_target)
         job.on_cancel(lambda: _stop(bench))
+        if on_begin is not None:
+            on_begin()
         with ExitStack() as stack:
             live = live_points_for(session, record, bench, on_profile)
             if live is not None:

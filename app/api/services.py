@@ -1,0 +1,58 @@
+"""What the routes work with, made once by the server."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Annotated, cast
+
+from fastapi import Depends
+from starlette.requests import HTTPConnection
+
+from app.calibration.record import CalibrationRecord
+from app.calibration.store import CalibrationStore
+from app.devices.bench import Bench
+from app.errors import CalibrationFileError
+from app.jobs.runner import JobRunner
+from app.library.library import Library
+from app.live.pictures import LivePictures
+from app.scanning.profile import Profile
+
+
+@dataclass(frozen=True, slots=True)
+class Services:
+    """Everything that outlives a request.
+
+    Attributes:
+        bench_spec: what names the bench: a file, or `simulated`.
+        on_scan: told when a scan begins, so that the 3D view makes room.
+        on_profile: told each profile of a scan as it is computed.
+    """
+
+    bench_spec: str
+    bench: Bench
+    runner: JobRunner
+    library: Library
+    calibrations: CalibrationStore
+    live: LivePictures
+    on_scan: Callable[[], None]
+    on_profile: Callable[[Profile], None]
+
+    def calibration(self) -> CalibrationRecord | None:
+        """The one in use; on a simulated bench that has none yet, what a perfect one would find."""
+        try:
+            return self.calibrations.current()
+        except CalibrationFileError:
+            world = self.bench.world
+            if world is None:
+                return None
+            rig = world.rig
+            return CalibrationRecord(
+                camera=rig.camera, lasers=rig.lasers, axis=rig.axis, method="simulated",
+                source="the simulated bench",
+            )  # fmt: skip
+
+
+def _services(connection: HTTPConnection) -> Services:
+    return cast(Services, connection.app.state.services)
+
+
+Served = Annotated[Services, Depends(_services)]
