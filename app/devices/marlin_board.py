@@ -10,7 +10,7 @@ from app.devices.marlin_dialogue import MarlinDialogue, MarlinPosition, MarlinRe
 from app.devices.marlin_words import LaserWords, setup_words, steps_per_unit
 from app.devices.refusals import resets_again
 from app.devices.serial_link import SerialLink
-from app.errors import DeviceError, DeviceTimeout, PositionUnknown
+from app.errors import DeviceError, DeviceTimeout, MoveStopped, PositionUnknown
 
 FASTEST_DEG_S = 360.0
 _CLOSED_S = 0.1
@@ -128,7 +128,7 @@ class MarlinBoard:
                 answer = self._switch_once(channel)
             except DeviceTimeout:
                 answer = self._switch_once(channel)
-        except DeviceTimeout:
+        except (DeviceTimeout, MoveStopped):
             self.lit.discard(channel)
             raise
         self._words.check(self.link.device, channel, answer)
