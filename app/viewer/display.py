@@ -43,9 +43,9 @@ class DisplayPoints:
     @classmethod
     def of(cls, cloud: PointCloud) -> "DisplayPoints":
         """The cloud as it is shown: its finite points, grey where it has no texture."""
-        is_finite = np.asarray(np.isfinite(cloud.points).all(axis=1), np.bool_)
+        is_finite = np.isfinite(cloud.points)
         if not is_finite.all():
-            cloud = cloud.select(is_finite)
+            cloud = cloud.select(np.asarray(is_finite.all(axis=1), np.bool_))
         # A scan that took no colours has black ones.
         texture = cloud.colours if cloud.colours.any() else np.full_like(cloud.colours, _NEUTRAL)
         return cls(
@@ -97,6 +97,6 @@ class DisplayPoints:
 def _shade(normals: NDArray[np.float32]) -> NDArray[np.uint8]:
     towards = np.maximum(normals @ _LIGHTS.T, 0.0)
     light = 0.38 + 0.85 * towards[:, 0] + 0.25 * towards[:, 1]
-    light[~normals.any(axis=1)] = 1.0
+    light[np.einsum("ij,ij->i", normals, normals) == 0.0] = 1.0
     shade: NDArray[np.uint8] = np.minimum(light * FULL_SHADE, 255.0).astype(np.uint8)
     return shade

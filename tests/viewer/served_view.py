@@ -4,7 +4,7 @@ import contextlib
 import struct
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Any, Self
@@ -16,6 +16,7 @@ import zstandard
 from numpy.typing import NDArray
 from starlette.applications import Starlette
 from starlette.requests import Request
+from starlette.routing import BaseRoute
 from starlette.websockets import WebSocket
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
@@ -44,9 +45,13 @@ def everybody(_: Request | WebSocket) -> bool:
 
 
 @contextlib.contextmanager
-def served(view: CloudView, may_enter: Callable[[Request | WebSocket], bool] = everybody) -> Iterator[int]:
-    """The view's routes under uvicorn on a free port, which is returned."""
-    app = Starlette(routes=view_routes(view, may_enter))
+def served(
+    view: CloudView,
+    may_enter: Callable[[Request | WebSocket], bool] = everybody,
+    more: Sequence[BaseRoute] = (),
+) -> Iterator[int]:
+    """The view's routes, and more, under uvicorn on a free port, which is returned."""
+    app = Starlette(routes=[*view_routes(view, may_enter), *more])
     config = uvicorn.Config(
         app, port=0, log_level="error", lifespan="off", timeout_graceful_shutdown=1, **SOCKET_OPTIONS
     )
