@@ -18,8 +18,8 @@ class LiveState:
     Attributes:
         viewers: how many look, by kind.
         fps: pictures made per second lately, by kind.
-        ms: what one of them took lately, milliseconds, by kind; what a frame is computed once for is part of
-            the first kind that needed it.
+        ms: what one of them took of a processor lately, milliseconds, by kind; what a frame is computed once
+            for is part of the first kind that needed it.
         made: pictures since the start.
         skipped: frames that present viewers were not shown.
         is_running: whether threads are at work.

@@ -37,6 +37,7 @@ class LiveSettings:
         channel: colour in which the laser is looked for; `difference` takes its own colour less the last
             picture without laser; None for the laser's own colour.
         laser: only this one; None for all that are lit.
+        line_step: the stripe is looked for on every so-manieth line; more than 1 saves a slow machine work.
         quality: of JPEG made here, 1..100.
         width: columns of pictures at most, for viewers that ask for none; None for all there are.
         shows_board: whether the calibration board is looked for and painted.
@@ -48,6 +49,7 @@ class LiveSettings:
     threshold: float | None = None
     channel: Channel | None = None
     laser: str | None = None
+    line_step: int = 1
     quality: int = 80
     width: int | None = None
     shows_board: bool = True
@@ -138,15 +140,21 @@ def _is_name(name: str, value: object) -> None:
 
 
 def _is_quality(name: str, value: object) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100:
-        raise OptionError(f"{name}: cannot be {value!r}.", "Give a whole number from 1 to 100.")
+    _is_whole(name, value, 1, 100)
+
+
+def _is_step(name: str, value: object) -> None:
+    _is_whole(name, value, 1, 8)
 
 
 def _is_width(name: str, value: object) -> None:
-    if value is None:
-        return
-    if isinstance(value, bool) or not isinstance(value, int) or not 16 <= value <= 10_000:
-        raise OptionError(f"{name}: cannot be {value!r}.", "Give a whole number of pixels from 16 to 10000.")
+    if value is not None:
+        _is_whole(name, value, 16, 10_000)
+
+
+def _is_whole(name: str, value: object, lowest: int, highest: int) -> None:
+    if isinstance(value, bool) or not isinstance(value, int) or not lowest <= value <= highest:
+        raise OptionError(f"{name}: cannot be {value!r}.", f"Give a whole number from {lowest} to {highest}.")
 
 
 def _is_flag(name: str, value: object) -> None:
@@ -159,6 +167,7 @@ _CHECKS = {
     "threshold": _is_threshold,
     "channel": _is_channel,
     "laser": _is_name,
+    "line_step": _is_step,
     "quality": _is_quality,
     "width": _is_width,
 }

@@ -1,7 +1,7 @@
 """What one frame shows, computed when it is first wanted and once for all kinds of picture."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
@@ -13,7 +13,7 @@ from app.live.dark import DarkReference
 from app.live.known import Known
 from app.live.picture import LiveNumbers, NamedStripe
 from app.live.settings import LiveSettings
-from app.vision.stripe import Image, LaserColour, LaserView, Orientation
+from app.vision.stripe import Image, LaserColour, LaserStripe, LaserView, Orientation
 from app.vision.threshold import laser_mask, laser_response
 
 _BINS = 32
@@ -62,9 +62,9 @@ class Sight:
         found = []
         for look in self._looks(names if self.known.colours else [""]):
             ordered = self.known.in_order(look.lasers)
-            several = detector.detect_several(self._view(look), len(look.lasers))
+            several = detector.detect_several(self._thinned(self._view(look)), len(look.lasers))
             found += [
-                NamedStripe(name, stripe, look.orientation)
+                NamedStripe(name, self._spread(stripe, look.orientation), look.orientation)
                 for name, stripe in zip(ordered, several, strict=True)
                 if wanted in (None, name) or not name
             ]
@@ -115,6 +115,23 @@ class Sight:
     def _view(self, look: _Look) -> LaserView:
         return LaserView(self.image, self._dark_image, look.colour, look.orientation)
 
+    def _thinned(self, view: LaserView) -> LaserView:
+        """Every so-manieth line of a view."""
+        step = self.settings.line_step
+        if step == 1:
+            return view
+        which = np.s_[::step] if view.orientation == "vertical" else np.s_[:, ::step]
+        dark = None if view.dark is None else view.dark[which]
+        return LaserView(view.lit[which], dark, view.colour, view.orientation)
+
+    def _spread(self, stripe: LaserStripe, orientation: Orientation) -> LaserStripe:
+        """A stripe of such a view, in pixels of the whole picture."""
+        step = self.settings.line_step
+        if step == 1:
+            return stripe
+        scale = np.array([1, step] if orientation == "vertical" else [step, 1])
+        return replace(stripe, pixels=stripe.pixels * scale, line=stripe.line * step)
+
     @cached_property
     def _dark_image(self) -> Image | None:
         if self.settings.channel != "difference":
@@ -133,7 +150,8 @@ def _focus(image: Image) -> float:
 
 
 def _histogram(image: Image) -> tuple[float, ...]:
-    sample = np.ascontiguousarray(image[::_HISTOGRAM_STEP, ::_HISTOGRAM_STEP])
+    share = 1.0 / _HISTOGRAM_STEP
+    sample = cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_NEAREST)
     grey = cv2.cvtColor(sample, cv2.COLOR_BGR2GRAY) if sample.ndim == 3 else sample
     counts = np.bincount(np.asarray(grey, np.uint8).ravel() >> 3, minlength=_BINS)
     return tuple(float(share) for share in counts / counts.sum())

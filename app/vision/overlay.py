@@ -187,7 +187,7 @@ class _Pen:
             ends = np.arange(0.0, at[-1], _DASH_PX * max(1, self.thin))
             x, y = (np.interp(ends, at, piece[:, k]) for k in (0, 1))
             points = _sixteenths(np.column_stack([x, y]))
-            dashes += [points[k : k + 2] for k in range(0, len(points) - 1, 2)]
+            dashes += list(points[: len(points) // 2 * 2].reshape(-1, 2, 2))
         self._lines(dashes, _BLACK, self.thin + 2, is_smooth=False)
         self._lines(dashes, _WHITE, self.thin, is_smooth=False)
 
