@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from app.errors import LibraryError, PointCloudFileError
 from app.library.about import parse_moment, read_about
@@ -110,8 +110,11 @@ class _Facts(BaseModel):
     def of(cls, path: Path) -> Self:
         """Raises ValueError where the file does not say it, OSError where it is not there."""
         if path.stat().st_size > _MOST_BYTES:
-            raise ValueError("is too large")
-        return cls.model_validate_json(path.read_bytes())
+            raise ValueError(f"{path.name} is too large")
+        try:
+            return cls.model_validate_json(path.read_bytes())
+        except ValidationError as error:
+            raise ValueError(f"{path.name} is damaged") from error
 
 
 class _ScanFacts(_Facts):
@@ -185,21 +188,19 @@ def _recorded(folder: Path) -> tuple[ScanStatus, str, int]:
     status: ScanStatus = "cloud"
     reason = ""
     pictures = 0
-    file = ""
     try:
         with suppress(FileNotFoundError):
-            file, pictures = MANIFEST_FILE, len(_RecordingFacts.of(folder / MANIFEST_FILE).frames)
+            pictures = len(_RecordingFacts.of(folder / MANIFEST_FILE).frames)
             status = "recording"
         with suppress(FileNotFoundError):
             # One that is still there is newer than the manifest; its first line is no picture.
             pictures = max(0, (folder / JOURNAL_FILE).read_bytes().count(b"\n") - 1)
             status = "recording"
         with suppress(FileNotFoundError):
-            file = SCAN_FILE
             facts = _ScanFacts.of(folder / SCAN_FILE)
             status, reason = facts.status, facts.reason
-    except ValueError:
-        return "damaged", f"{file} is damaged", pictures
+    except ValueError as error:
+        return "damaged", str(error), pictures
     if is_busy(folder):
         return "running", "", pictures
     if status == "running":

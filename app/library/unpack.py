@@ -22,6 +22,8 @@ _END_64, _END_64_MAGIC = struct.Struct("<4sQ2H2L4Q"), b"PK\x06\x06"
 _LOCATOR_BYTES, _LONGEST_COMMENT = 20, 65_535
 _KINDS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 _ENCRYPTED = 1
+# What the standard library raises of a damaged file: a wrong offset is an OSError, too.
+_BROKEN = (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, OSError)
 
 
 def unpack(source: Path, name: str, folder: Path, limits: Limits, progress: Progress) -> None:
@@ -43,7 +45,7 @@ def unpack(source: Path, name: str, folder: Path, limits: Limits, progress: Prog
         _check_contents(file, name, limits)
         try:
             archive = zipfile.ZipFile(file)
-        except (zipfile.BadZipFile, ValueError, struct.error, NotImplementedError) as error:
+        except (*_BROKEN, ValueError, struct.error) as error:
             raise refused(name, "is no zip file, or a damaged one", _DAMAGED) from error
         with archive:
             wanted = _checked(archive, name, source.stat().st_size, limits)
@@ -134,5 +136,5 @@ def _read(archive: zipfile.ZipFile, info: zipfile.ZipInfo, name: str) -> Iterato
         with archive.open(info) as packed:
             while data := packed.read(_CHUNK_BYTES):
                 yield data
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
+    except _BROKEN as error:
         raise refused(name, f"{info.filename[:60]!a} in it is damaged", _DAMAGED) from error
