@@ -4,6 +4,7 @@ from pathlib import Path
 
 from app.calibration.record import CalibrationRecord
 from app.calibration.store import STORE, CalibrationStore
+from app.cli.console import warn
 from app.devices.bench import Bench
 from app.devices.bench_file import SIMULATED, BenchDescription, read_bench_file, simulated_description
 from app.errors import BenchFileError, CalibrationFileError
@@ -46,7 +47,10 @@ def calibration_for(bench: Bench, file: Path | None) -> CalibrationRecord | None
             method="simulated",
             source="the simulated bench",
         )
+    store = CalibrationStore(STORE)
     try:
-        return CalibrationStore(STORE).current()
-    except CalibrationFileError:
+        return store.current()
+    except CalibrationFileError as error:
+        if store.paths():
+            warn([f"The calibration in use cannot be read, and none is used. {error.message}. {error.hint}"])
         return None

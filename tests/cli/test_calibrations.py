@@ -13,7 +13,10 @@ from command_line import files_below, turnscan
 
 from app.calibration.record import CalibrationRecord
 from app.calibration.store import CalibrationStore
+from app.cli.bench import calibration_for
 from app.cli.main import run
+from app.devices.bench import Bench
+from app.devices.bench_file import BenchDescription, parse_bench
 from app.simulation.rig import standard_rig
 
 RIG = standard_rig().rig
@@ -225,3 +228,26 @@ def test_the_commands_of_the_group_explain_themselves(capsys: pytest.CaptureFixt
     assert "compare" in capsys.readouterr().out
     assert run(["calibrations", "compare", "--help"]) == 0
     assert "--json" in capsys.readouterr().out
+
+
+def test_a_scan_is_told_why_the_one_in_use_is_not_used(
+    store: CalibrationStore, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with Bench.build(a_bench()) as bench:
+        assert calibration_for(bench, None) is not None
+        (store.folder / "current").write_text("gone.json")
+        assert calibration_for(bench, None) is None
+    assert "names gone.json, which is not there" in " ".join(capsys.readouterr().err.split())
+
+
+def test_a_scan_without_any_calibration_is_no_cause_for_a_warning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with Bench.build(a_bench()) as bench:
+        assert calibration_for(bench, None) is None
+    assert not capsys.readouterr().err
+
+
+def a_bench() -> BenchDescription:
+    return parse_bench(b'[turntable]\ndriver = "manual"\n[camera]\ndriver = "uvc"\n', "bench.toml")
