@@ -22,6 +22,7 @@ from app.devices.bench import Bench
 from app.devices.bench_file import BenchDescription
 from app.errors import CalibrationFileError, DeviceError
 from app.files import make_folder
+from app.follow import Follower
 from app.jobs.events import BenchChanged, EventBus
 from app.jobs.runner import JobRunner
 from app.library.library import Library
@@ -53,6 +54,7 @@ def create_app(settings: Settings, description: BenchDescription) -> FastAPI:
     parts = ExitStack()
     machine = parts.enter_context(Bench.build(description))
     view = parts.enter_context(CloudView())
+    parts.enter_context(Follower(machine, view))
     for folder in (settings.scans, settings.jobs):
         make_folder(folder)
     bus = EventBus()
@@ -68,6 +70,7 @@ def create_app(settings: Settings, description: BenchDescription) -> FastAPI:
         live=pictures,
         on_scan=lambda: view.begin(tuple(machine.lasers)),
         on_profile=view.add,
+        on_scan_end=view.finish,
     )
 
     @asynccontextmanager

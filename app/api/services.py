@@ -24,6 +24,7 @@ class Services:
     Attributes:
         bench_spec: what names the bench: a file, or `simulated`.
         on_scan: told when a scan begins, so that the 3D view makes room.
+        on_scan_end: told when it has ended, however.
         on_profile: told each profile of a scan as it is computed.
     """
 
@@ -35,6 +36,7 @@ class Services:
     live: LivePictures
     on_scan: Callable[[], None]
     on_profile: Callable[[Profile], None]
+    on_scan_end: Callable[[], None]
 
     def calibration(self) -> CalibrationRecord | None:
         """The one in use; on a simulated bench that has none yet, what a perfect one would find."""

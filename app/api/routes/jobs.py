@@ -1,5 +1,6 @@
 """Jobs: started, watched, paused, cancelled."""
 
+from collections.abc import Mapping
 from datetime import datetime
 from typing import Annotated, Any, Literal
 
@@ -10,6 +11,7 @@ from app.api.services import Served, Services
 from app.errors import CalibrationFileError, NotThere, OptionError
 from app.jobs.job import JobSnapshot, JobState
 from app.jobs.recipes import CLOUD_FILE, ScanOrder, checkup_work, reconstruct_work, scan_work
+from app.jobs.runner import JobContext
 from app.scanning.plan import ScanPlan
 
 router = APIRouter(prefix="/jobs", tags=["jobs"])
@@ -183,5 +185,12 @@ def _submitted_scan(served: Services, title: str, order: ScanOrder) -> JobOut:
         if order.plan is not None:
             served.library.rename(order.folder.name, title)
 
-    work = scan_work(served.bench, order, served.calibration(), served.on_profile, begin)
+    scan = scan_work(served.bench, order, served.calibration(), served.on_profile, begin)
+
+    def work(job: JobContext) -> Mapping[str, Any]:
+        try:
+            return scan(job)
+        finally:
+            served.on_scan_end()
+
     return shown(served.runner.submit("scan", title, work, needs_bench=True))

@@ -35,7 +35,7 @@ function button(text, work) {
 function jobLine(job) {
   const line = document.createElement("li");
   const left = job.seconds_left ? `, ${Math.ceil(job.seconds_left)} s left` : "";
-  const said = job.problem ? `${job.problem.message} ${job.problem.hint}` : job.waits_for || job.note;
+  const said = job.problem ? `${job.problem.message} ${job.problem.hint}` : job.ended ? "" : job.waits_for || job.note;
   line.append(element("span", `${job.title}: ${job.state}. ${said}${left}`));
   const act = (verb) => button(verb[0].toUpperCase() + verb.slice(1), () => ask("POST", `/jobs/${job.id}/${verb}`));
   if (job.state === "running") line.append(act("pause"), act("cancel"));
