@@ -61,13 +61,15 @@ class Index:
                 if not signature:
                     continue
                 item = self._item(entry.name, signature, before)
+                # What changed or went away while it was looked at must not be believed later.
+                is_lasting = item.status != "running" and _signature(entry.path) == signature
             except FileNotFoundError:
                 continue
             except OSError as error:
                 items.append(unreadable(self.folder / entry.name, reason(error)))
                 continue
             items.append(item)
-            if item.status != "running":
+            if is_lasting:
                 after[entry.name] = _Known(signature, item)
         if after != before:
             with suppress(OutputError):

@@ -10,7 +10,7 @@ from app.library.library import free_bytes
 Progress = Callable[[int, int], None]
 """Told how many bytes of how many are done."""
 
-_SPARE_BYTES = 64 << 20
+_SPARE_BYTES = 64_000_000
 _LONGEST_PART = 200
 _DEEPEST = 12
 _NOT_WANTED = frozenset({"__MACOSX", "Thumbs.db", "desktop.ini"})
@@ -29,8 +29,8 @@ class Limits:
     """
 
     entries: int = 100_000
-    total_bytes: int = 64 << 30
-    cloud_bytes: int = 4 << 30
+    total_bytes: int = 64_000_000_000
+    cloud_bytes: int = 4_000_000_000
     expansion: int = 50
 
 

@@ -161,7 +161,7 @@ def test_nothing_is_unpacked_where_there_is_no_room(
     library: Library, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     usage = namedtuple("usage", "total used free")
-    monkeypatch.setattr("shutil.disk_usage", lambda path: usage(10**12, 0, 64 << 20))
+    monkeypatch.setattr("shutil.disk_usage", lambda path: usage(10**12, 0, 64_000_000))
     for source in (
         zipped(tmp_path / "z.zip", parts(tmp_path / "s")), tmp_path / "s", make_ply(tmp_path / "c.ply"),
     ):  # fmt: skip

@@ -2,11 +2,13 @@
 
 import os
 import shutil
+import threading
 from pathlib import Path
 
 import pytest
 from small_library import (
     HEADER,
+    PICTURE,
     add_pictures,
     library_with,
     make_ply,
@@ -139,6 +141,26 @@ def test_a_list_sees_every_change_at_once(tmp_path: Path) -> None:
     assert names(library) == {"a", "b"}
     shutil.rmtree(tmp_path / "a")
     assert names(library) == {"b"}
+
+
+def test_a_scan_that_goes_away_while_it_is_looked_at_is_seen_whole_afterwards(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    library = library_with(tmp_path, "mug")
+    scandir = os.scandir
+
+    def moved(path: str) -> "os._ScandirIterator[str]":
+        if str(path).endswith("frames"):
+            monkeypatch.undo()
+            library.delete("mug")
+        return scandir(path)
+
+    monkeypatch.setattr(os, "scandir", moved)
+    assert library.scans() == ()
+    item = library.restore("mug")
+    assert (item.pictures, item.status) == (3, "finished")
+    assert library.scans() == (item,)
+    assert item.size_bytes > 3 * len(PICTURE)
 
 
 @pytest.mark.parametrize("damage", [b"", b"{", b'{"version": 2}', b'{"version": 1, "known": {"a": 3}}'])
@@ -284,3 +306,30 @@ def test_one_program_at_a_time_changes_a_library(tmp_path: Path, monkeypatch: py
 def test_the_room_on_the_disk_is_that_of_the_library(tmp_path: Path) -> None:
     free = library_module.free_bytes(tmp_path / "not" / "yet" / "there")
     assert free == pytest.approx(shutil.disk_usage(tmp_path).free, rel=0.05)
+
+
+def test_many_at_once_lose_nothing(tmp_path: Path) -> None:
+    library = library_with(tmp_path, *"abcd")
+    failed: list[Exception] = []
+
+    def busy(name: str, other: str) -> None:
+        mine = Library(tmp_path)
+        try:
+            for number in range(8):
+                mine.rename(other, f"{name} {number}")
+                mine.restore(mine.delete(name).key)
+                mine.scans()
+        except ScanNotFound:
+            # The other one has just thrown it away.
+            busy(name, name)
+        except Exception as error:  # noqa: BLE001 (a thread must not swallow it)
+            failed.append(error)
+
+    threads = [threading.Thread(target=busy, args=pair) for pair in ("ab", "ba", "cd", "dc")]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert failed == []
+    assert names(library) | {thrown.name for thrown in library.bin()} == set("abcd")
+    assert all(len(Recording.open(item.folder).entries) == 3 for item in library.scans())
