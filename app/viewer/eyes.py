@@ -8,8 +8,9 @@ import numpy as np
 from app.errors import OptionError
 from app.geometry.arrays import Vector3
 from app.geometry.transform import RigidTransform
+from app.viewer.stage import FRUSTUM_MM
 
-Preset: TypeAlias = Literal["home", "top", "front", "back", "left", "right", "camera"]
+Preset: TypeAlias = Literal["home", "top", "front", "back", "left", "right", "scanner", "camera"]
 PRESETS: tuple[Preset, ...] = get_args(Preset)
 
 FOV_RAD = math.radians(42.0)
@@ -39,20 +40,24 @@ def place(
         OptionError: there is no such preset, or no camera yet.
     """
     middle = np.array([0.0, 0.0, height_mm / 3.0])
-    if preset == "camera":
+    reach = math.hypot(radius_mm, height_mm / 2.0) * 1.15 / math.tan(FOV_RAD / 2.0)
+    if preset in ("camera", "scanner"):
         if world_from_camera is None:
             raise OptionError("The scanner has not been calibrated, so its camera has no place.")
-        eye, forward = world_from_camera.translation, world_from_camera.rotation[:, 2]
-        return eye, eye + forward * max(1.0, float((middle - eye) @ forward))
+        camera, forward = world_from_camera.translation, world_from_camera.rotation[:, 2]
+        if preset == "camera":
+            # Its own picture hangs before it and would hide everything.
+            eye = camera + forward * 1.1 * FRUSTUM_MM
+            return eye, eye + forward * max(1.0, float((middle - eye) @ forward))
+        between = (middle + camera) / 2.0
+        farther = 0.45 * reach + 0.9 * float(np.linalg.norm(camera - middle))
+        return between + farther * _outward(-70.0, 32.0), between
     if preset not in _DIRECTIONS:
         raise OptionError(f"There is no view called {preset!r}.", f"Choose one of: {', '.join(PRESETS)}.")
-    azimuth, elevation = np.radians(_DIRECTIONS[preset])
-    reach = math.hypot(radius_mm, height_mm / 2.0) * 1.15 / math.tan(FOV_RAD / 2.0)
-    outward = np.array(
-        [
-            math.cos(elevation) * math.cos(azimuth),
-            math.cos(elevation) * math.sin(azimuth),
-            math.sin(elevation),
-        ]
-    )
-    return middle + reach * outward, middle
+    return middle + reach * _outward(*_DIRECTIONS[preset]), middle
+
+
+def _outward(azimuth_deg: float, elevation_deg: float) -> Vector3:
+    azimuth, elevation = math.radians(azimuth_deg), math.radians(elevation_deg)
+    flat = math.cos(elevation)
+    return np.array([flat * math.cos(azimuth), flat * math.sin(azimuth), math.sin(elevation)])

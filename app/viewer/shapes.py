@@ -9,8 +9,12 @@ from numpy.typing import NDArray
 from app.geometry.arrays import Points, Vector3
 from app.geometry.plane import LaserPlane
 from app.geometry.transform import RigidTransform
+from app.viewer.digits import strokes
 from app.vision.board import BoardSpec
 from app.vision.stripe import Image
+
+# Lines on the table, not in it.
+_ABOVE_MM = 0.15
 
 
 def degree_ticks(radius_mm: float) -> NDArray[np.float32]:
@@ -21,15 +25,28 @@ def degree_ticks(radius_mm: float) -> NDArray[np.float32]:
         along = np.array([math.cos(math.radians(degree)), math.sin(math.radians(degree)), 0.0])
         lines.append([along * radius_mm * (1.0 - share), along * radius_mm])
     ticks = np.asarray(lines, np.float32)
-    ticks[:, :, 2] = 0.15
+    ticks[:, :, 2] = _ABOVE_MM
     return ticks
+
+
+def degree_numbers(radius_mm: float) -> NDArray[np.float32]:
+    """(N, 2, 3) the degrees every 45, to be read from outside the table."""
+    lines = []
+    for degree in range(0, 360, 45):
+        flat = strokes(degree) * (0.022 * radius_mm)
+        angle = math.radians(degree)
+        outward = np.array([math.cos(angle), math.sin(angle)])
+        right = np.array([-outward[1], outward[0]])
+        placed = flat[..., :1] * right + (0.8 * radius_mm - flat[..., 1:]) * outward
+        lines.append(np.concatenate([placed, np.full((*placed.shape[:2], 1), _ABOVE_MM)], axis=2))
+    return np.concatenate(lines).astype(np.float32)
 
 
 def circle(radius_mm: float, segments: int = 96) -> NDArray[np.float32]:
     """(N, 2, 3) the rim as line segments."""
     angles = np.linspace(0.0, 2.0 * np.pi, segments + 1)
     rim = np.column_stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)]) * radius_mm
-    rim[:, 2] = 0.15
+    rim[:, 2] = _ABOVE_MM
     return np.stack([rim[:-1], rim[1:]], axis=1).astype(np.float32)
 
 

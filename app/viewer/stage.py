@@ -18,14 +18,15 @@ from app.geometry.rig import Rig
 from app.geometry.transform import RigidTransform
 from app.viewer.colouring import LASER_COLOURS
 from app.viewer.rotations import quaternion, turned
-from app.viewer.shapes import board_picture, circle, degree_ticks, fan, sheet
+from app.viewer.shapes import board_picture, circle, degree_numbers, degree_ticks, fan, sheet
 from app.vision.board import BoardSpec
 from app.vision.stripe import Image
 
 TABLE = "/table"
 PICTURE_SIZE = (320, 180)
 _LIT, _UNLIT = 0.34, 0.05
-_FRUSTUM_MM = 45.0
+FRUSTUM_MM = 45.0
+"""How far before the camera its picture hangs."""
 _THICK_MM = 6.0
 
 
@@ -140,7 +141,7 @@ class Stage:
         fov = 2.0 * math.atan(height / (2.0 * float(rig.camera.matrix[1, 1])))
         aspect = width / height
         # viser's scale is the edge of a cube as large as the frustum, not the distance of its picture.
-        scale = _FRUSTUM_MM * float(np.cbrt(math.tan(fov / 2.0) ** 2 * aspect / 3.0))
+        scale = FRUSTUM_MM * float(np.cbrt(math.tan(fov / 2.0) ** 2 * aspect / 3.0))
         self._frustum = self._server.scene.add_camera_frustum(
             "/camera", fov, aspect, scale=scale, thickness=1.5, thickness_units="screen",
             color=_COLOURS[self._is_dark]["line"], wxyz=quaternion(world_from_camera.rotation),
@@ -162,19 +163,12 @@ class Stage:
         )  # fmt: skip
         for name, lines, thickness in (
             ("ticks", degree_ticks(radius), 1.2),
+            ("degrees", degree_numbers(radius), 1.2),
             ("rim", circle(radius), 1.5),
         ):
             scene.add_line_segments(
                 f"{TABLE}/{name}", lines, colours["line"], thickness=thickness, thickness_units="screen"
             )
-        for degree in range(0, 360, 45):
-            angle = math.radians(degree)
-            scene.add_label(
-                f"{TABLE}/degree/{degree}", f"{degree}°", font_size_mode="scene",
-                font_scene_height=radius * 0.05,
-                position=(math.cos(angle) * radius * 1.07, math.sin(angle) * radius * 1.07, 0.0),
-                depth_test=True, anchor="center-center",
-            )  # fmt: skip
         scene.add_line_segments(
             "/axis", np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, self.height_mm]]], np.float32), colours["axis"],
             thickness=1.2, thickness_units="screen",

@@ -8,10 +8,12 @@ from numpy.typing import NDArray
 from served_view import profile, served, wait_until, watch
 
 from app.errors import OptionError
+from app.geometry.arrays import unit
 from app.geometry.transform import RigidTransform
 from app.simulation.rig import standard_rig
 from app.viewer.cloud_view import CloudView
 from app.viewer.colouring import ColourMode
+from app.viewer.eyes import FOV_RAD, PRESETS, place
 from app.vision.board import BoardSpec
 
 
@@ -166,6 +168,19 @@ def test_one_page_is_moved_and_the_other_stays(view: CloudView) -> None:
         wait_until(lambda: other.others["SetCameraPositionMessage"]["initial"] is False)
         with pytest.raises(OptionError):
             view.look("camera")
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_preset_has_the_object_before_the_eyes(preset: str) -> None:
+    rig = standard_rig(640, 480).rig
+    world_from_camera = rig.axis.camera_from_table.inverse()
+    eye, target = place(preset, 100.0, 150.0, world_from_camera)
+    middle = np.array([0.0, 0.0, 40.0])
+    forward, towards = unit(target - eye), unit(middle - eye)
+    assert 100.0 < np.linalg.norm(middle - eye) < 1000.0
+    assert np.degrees(np.arccos(forward @ towards)) < np.degrees(FOV_RAD) / 2.0
+    with pytest.raises(OptionError):
+        place("inside", 100.0, 150.0, None)
 
 
 def test_what_cannot_be_drawn_is_told_and_the_next_thing_is_drawn() -> None:
