@@ -67,12 +67,18 @@ class Darkroom:
         Raises:
             DeviceError: the frame is no whole picture.
         """
-        frame = view.frame
-        own_jpeg = None if frame is None or view.problem else self._own_jpeg(frame)
+        frame, problem, own_jpeg = view.frame, view.problem, None
+        if frame is not None and not problem:
+            try:
+                own_jpeg = self._own_jpeg(frame)
+            except DeviceError:
+                raise
+            except Exception as error:  # noqa: BLE001 (edge of a thread: a camera that breaks must not end it)
+                frame, problem = None, _mistake(error)
         began_s = last_s = time.thread_time()
         for flavour in sorted(flavours, key=lambda each: _ORDER.index(each.kind)):
-            if frame is None or view.problem:
-                picture = nothing_new(flavour, frame, view.problem)
+            if frame is None or problem:
+                picture = nothing_new(flavour, frame, problem)
             else:
                 picture = self._made(flavour, frame, view.lit, known, settings, own_jpeg)
             now_s = time.thread_time()
@@ -107,7 +113,7 @@ class Darkroom:
         except ScannerError as error:
             return nothing_new(flavour, frame, error.message)
         except Exception as error:  # noqa: BLE001 (edge of a thread: a detector that breaks must not end it)
-            return nothing_new(flavour, frame, f"The picture could not be made ({error!r}).")
+            return nothing_new(flavour, None, _mistake(error))
 
     def _sight_of(self, frame: Frame, lit: Sequence[str], known: Known, settings: LiveSettings) -> Sight:
         sight = self._sight
@@ -128,3 +134,7 @@ class Darkroom:
         if self._camera.mounting.is_plain and self._camera.facts.gives_jpeg:
             return frame.encoded("jpeg")
         return None
+
+
+def _mistake(error: Exception) -> str:
+    return f"The picture could not be made ({error!r})."

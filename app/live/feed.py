@@ -58,6 +58,8 @@ class Feed:
                 self._follow()
             except DeviceError as error:
                 self._tell(error.message)
+            except Exception as error:  # noqa: BLE001 (edge of a thread: whoever looks is told, and it goes on)
+                self._tell(f"Live pictures are interrupted ({error!r}).")
             self.rest(_RETRY_S)
 
     def _follow(self) -> None:

@@ -22,7 +22,7 @@ from app.live.settings import Kind, LiveSettings, usual_width
 from app.live.viewer import LiveViewer, Seat
 
 # Of one processor: what making pictures may take. After each there is a pause that keeps to it.
-_SHARE = 0.4
+_SHARE = 0.32
 _TICK_S = 0.5
 _LONGEST_REST_S = 1.0
 
@@ -299,6 +299,7 @@ class LivePictures:
 
 def _give(seat: Seat, number: int, picture: LivePicture) -> None:
     if seat.had:
-        seat.skipped += number - seat.had - 1
-    seat.box, seat.had, seat.wants = picture, number, False
+        # Frames count from 0 again when the camera is connected again.
+        seat.skipped += max(0, picture.frame_index - seat.had_frame - 1)
+    seat.box, seat.had, seat.had_frame, seat.wants = picture, number, picture.frame_index, False
     seat.ready.set()

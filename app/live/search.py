@@ -3,17 +3,22 @@
 import math
 import threading
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from app.errors import ScannerError
 from app.live.known import Known
 from app.live.settings import LiveSettings
-from app.vision.board import BoardObservation, detect_board
+from app.vision.board import BoardObservation, BoardSpec, detect_board
 from app.vision.markers import MarkerObservation, detect_markers
+from app.vision.overlay import shrunk
 from app.vision.stripe import Image
 
-# A search may take this share of one processor; it is not begun more often than that.
-_SHARE = 0.1
+# A search may take this share of one processor, and OpenCV's own threads take about as much again; it is not
+# begun more often than that.
+_SHARE = 0.04
+# The board is looked for in a picture no wider than this: what is painted need not be exact, and a board that
+# is not there is looked for longest.
+_WIDEST = 800
 _LEAST_PAUSE_S = 0.2
 # What was seen longer ago than this is not painted any more, unless a search takes that long.
 _BELIEVED_S = 1.0
@@ -79,11 +84,11 @@ class Search:
             thread.join()
 
     def _look(self, image: Image, known: Known) -> None:
-        began_s = time.monotonic()
+        began_s = time.thread_time()
         found = Found()
         try:
             found = Found(
-                None if known.board is None else detect_board(image, known.board),
+                None if known.board is None else _seen_small(image, known.board),
                 None if known.platter is None else detect_markers(image, known.platter),
             )
         except ScannerError:
@@ -92,7 +97,16 @@ class Search:
         finally:
             now_s = time.monotonic()
             with self._lock:
-                self._took_s = now_s - began_s
+                self._took_s = time.thread_time() - began_s
                 self._found, self._seen_s = found, now_s
                 self._again_s = now_s + max(_LEAST_PAUSE_S, self._took_s * (1.0 / _SHARE - 1.0))
                 self._thread = None
+
+
+def _seen_small(image: Image, board: BoardSpec) -> BoardObservation:
+    """The board as a smaller picture shows it, in pixels of the whole one."""
+    factor = math.ceil(image.shape[1] / _WIDEST)
+    small = shrunk(image, image.shape[1] // factor)
+    scale = image.shape[1] / small.shape[1]
+    seen = detect_board(small, board)
+    return replace(seen, corners=(seen.corners + 0.5) * scale - 0.5)

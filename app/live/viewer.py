@@ -20,7 +20,8 @@ class Seat:
         flavour: what is shown.
         on_ready: told, in whatever thread, that a picture waits.
         wants: whether a newer picture is asked for.
-        had: number of the newest one that was handed over.
+        had: number of the view that was handed over last.
+        had_frame: number of its frame.
         box: the one that waits to be taken.
         skipped: frames that came between those that were shown.
         is_gone: whether nobody looks any more.
@@ -30,7 +31,7 @@ class Seat:
     def __init__(self, flavour: Flavour, on_ready: Callable[[], None] | None) -> None:
         self.flavour, self.on_ready = flavour, on_ready
         self.wants = self.is_gone = False
-        self.had = self.skipped = 0
+        self.had = self.had_frame = self.skipped = 0
         self.box: LivePicture | None = None
         self.ready = threading.Event()
 

@@ -137,6 +137,35 @@ def test_a_detector_that_breaks_is_named_in_the_picture_and_another_one_helps(
         wait_until(lambda: not next_of(viewer).is_stale)
 
 
+def test_a_bench_that_cannot_tell_its_lasers_is_no_end_of_the_pictures(camera: Camera) -> None:
+    fails = threading.Event()
+    fails.set()
+
+    def lit() -> tuple[str, ...]:
+        if fails.is_set():
+            raise ZeroDivisionError("a mistake")
+        return ()
+
+    with watched(LivePictures(camera, _RED, lit=lit)) as live, live.watch(Kind.RAW) as viewer:
+        assert "a mistake" in next_stale(viewer).problem
+        fails.clear()
+        wait_until(lambda: not next_of(viewer).is_stale)
+
+
+def test_a_camera_whose_pictures_cannot_be_made_is_told_of(
+    driver: CountedCamera, live: LivePictures, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(number: int) -> None:
+        raise ZeroDivisionError("a mistake")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("counted_camera.stripe_picture", broken)
+        with live.watch(Kind.STRIPE) as viewer:
+            assert "a mistake" in next_stale(viewer).problem
+            patch.undo()
+            wait_until(lambda: not next_of(viewer).is_stale)
+
+
 def test_a_camera_that_is_let_go_wakes_nobody_for_ever(camera: Camera, live: LivePictures) -> None:
     with live.watch(Kind.RAW) as viewer:
         next_of(viewer)
