@@ -12,18 +12,20 @@ from app.errors import (
     BenchBusy,
     CalibrationFileError,
     DeviceError,
-    DeviceNotFound,
     NotThere,
     OptionError,
     OutputError,
     RecordingError,
     ScannerError,
+    ScanBusy,
     ScanNotFound,
 )
 
 _STATUS: tuple[tuple[type[ScannerError], HTTPStatus], ...] = (
+    (NotThere, HTTPStatus.NOT_FOUND),
+    (ScanNotFound, HTTPStatus.NOT_FOUND),
     (BenchBusy, HTTPStatus.CONFLICT),
-    (DeviceNotFound, HTTPStatus.SERVICE_UNAVAILABLE),
+    (ScanBusy, HTTPStatus.CONFLICT),
     (DeviceError, HTTPStatus.SERVICE_UNAVAILABLE),
     (OutputError, HTTPStatus.INSUFFICIENT_STORAGE),
     (RecordingError, HTTPStatus.UNPROCESSABLE_ENTITY),
@@ -55,8 +57,6 @@ def answer_problems(application: FastAPI) -> None:
     @application.exception_handler(ScannerError)
     def expected(request: Request, error: ScannerError) -> JSONResponse:
         status = next((status for kind, status in _STATUS if isinstance(error, kind)), None)
-        if isinstance(error, NotThere | ScanNotFound):
-            status = HTTPStatus.NOT_FOUND
         return _answer(error.code, error.message, status or HTTPStatus.BAD_REQUEST, error.hint)
 
     @application.exception_handler(RequestValidationError)

@@ -113,7 +113,9 @@ def download_recording(served: Served, name: str) -> Response:
     def parts() -> Iterator[bytes]:
         yield from stream
 
-    headers = {"Content-Disposition": f'attachment; filename="{name}.zip"'}
+    headers = {
+        "Content-Disposition": f'attachment; filename="{name}.zip"', "Content-Length": str(stream.length),
+    }  # fmt: skip
     return StreamingResponse(parts(), media_type="application/zip", headers=headers)
 
 
