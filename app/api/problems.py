@@ -16,8 +16,8 @@ from app.errors import (
     OptionError,
     OutputError,
     RecordingError,
-    ScannerError,
     ScanBusy,
+    ScannerError,
     ScanNotFound,
 )
 
