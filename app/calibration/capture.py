@@ -28,7 +28,7 @@ T = TypeVar("T")
 
 PROOF_FOLDER = "proof"
 # Devices that fail so often are not worth another try; neither is a board that is not found.
-_TRIES = 4
+_TRIES, _PLACE_TRIES = 4, 3
 _EMPTY_STOPS = 12
 _PLACES = (
     "Stand the board on the table, facing the camera, a few centimetres before the middle.",
@@ -151,13 +151,13 @@ class _Run:
         self._stage, problem = stage, ""
         place = _PLACES[number % len(_PLACES)]
         table = TableCapture(self.bench, session, self.watch, stage)
-        for attempt in range(_TRIES):
+        for attempt in range(_PLACE_TRIES):
             self._persist(lambda: self.bench.turntable.move_to(0.0))
             self.ask(Request(Task.PLACE_BOARD, number, f"{problem} {place}".strip()))
             try:
                 return self._persist(lambda: _found_and_taken(table, session))
             except CalibrationError as error:
-                if attempt == _TRIES - 1:
+                if attempt == _PLACE_TRIES - 1:
                     raise
                 problem = f"{error.message} {error.hint}"
         raise AssertionError("the last try returns or raises")

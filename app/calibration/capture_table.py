@@ -132,9 +132,11 @@ class TableCapture:
 
     def _found(self, from_deg: float) -> tuple[float, Use] | None:
         """The first angle at which the board is seen well, and the settings with which it is."""
+        settings = self.bench.camera.settings
+        is_one = settings.get(Use.LASER) == settings.get(Use.BOARD)
         for angle_deg in _around(from_deg):
             self._turn(angle_deg)
-            for use in (Use.LASER, Use.BOARD):
+            for use in (Use.LASER,) if is_one else (Use.LASER, Use.BOARD):
                 if self._is_seen(use, angle_deg):
                     return angle_deg, use
         return None

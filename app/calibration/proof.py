@@ -1,7 +1,7 @@
 """A calibration tried on pictures that it has not seen: the board is scanned, and what is wrong is in mm."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -20,6 +20,10 @@ from app.geometry.transform import RigidTransform
 # A surface of the size that is scanned most.
 _OBJECT_RADIUS_MM = 50.0
 _FEWEST_STOPS = 3
+# What corners and tables that are in order are off by.
+_CORNER_PX, _TURN_DEG = 0.1, 0.05
+# An axis that the few angles of a proof leave more open than this is not judged.
+_AXIS_KNOWN_MM = 0.1
 
 
 class Verdict(StrEnum):
@@ -35,7 +39,7 @@ class ProofFinding:
     """One number of the proof.
 
     Attributes:
-        name: expected, surface, size, wobble, turning or lasers.
+        name: expected, surface, size, axis, wobble, turning or lasers.
         value_mm: it; never negative.
         verdict: what it is worth.
         words: what was found, one sentence.
@@ -99,7 +103,7 @@ _SCALES = {
         "views, and the two places on the table further apart.",
     ),
     "surface": _Scale(
-        0.1, 0.3,
+        0.15, 0.5,
         "The board is not flat, or stripes are blurred or too bright: glue the board to glass or a stiff "
         "plate, and run `turnscan doctor`, which judges focus and exposure.",
     ),
@@ -107,6 +111,11 @@ _SCALES = {
         0.1, 0.3,
         "Camera, lens or laser moved while the pictures were taken, autofocus is on, or the room is too "
         "bright to see the stripes well: fix everything in place, switch autofocus off and calibrate again.",
+    ),
+    "axis": _Scale(
+        0.1, 0.3,
+        "The axis is not where it was calibrated: the camera or the table was moved since, or the board slid "
+        "while the table turned. Fix both in place, stick the board down, and calibrate again.",
     ),
     "wobble": _Scale(
         0.1, 0.3,
@@ -158,6 +167,7 @@ def prove(evidence: Evidence, record: CalibrationRecord) -> Proof:
         *_expected(record),
         _surface(fit),
         _size(views, rig, fit.plane),
+        *_axis(sway),
         _wobble(sway),
         _turning(sway),
         *_lasers(scanned, fit.plane),
@@ -226,39 +236,58 @@ class _Sway:
     Attributes:
         off_deg: (K,) true minus told angle at every stop, their mean taken out.
         off_mm: (K,) how far the board is off at every stop besides.
+        axis_mm: how far from the calibrated axis it turns.
+        axis_sigma_mm: standard deviation of that.
     """
 
     off_deg: Floats
     off_mm: Floats
+    axis_mm: float
+    axis_sigma_mm: float
 
 
 def _sway(views: Sequence[BoardView], rig: Rig) -> _Sway:
-    """One place of the board on the table and one small turn for each stop, fitted to all corners."""
+    """One place of the board, one shift of the axis and a small turn for each stop, fitted to all corners."""
     corners = [view.view.board.corners for view in views]
     on_board = [view.view.board.board_points for view in views]
     angles = np.array([view.view.angle_rad for view in views])
+    across = rig.axis.camera_from_table.rotation[:, :2]
 
     def missed(numbers: Floats) -> list[Floats]:
         table_from_board = RigidTransform.from_rvec(numbers[:3], numbers[3:6])
+        axis = replace(rig.axis, point_mm=rig.axis.point_mm + across @ numbers[6:8])
         errors = []
-        for k, (seen, known) in enumerate(zip(corners, on_board, strict=True)):
-            camera_from_table = rig.axis.table_from_camera(angles[k] + numbers[6 + k]).inverse()
+        for angle, seen, known in zip(angles + numbers[8:], corners, on_board, strict=True):
+            camera_from_table = axis.table_from_camera(angle).inverse()
             errors.append(rig.camera.project(camera_from_table @ (table_from_board @ known)) - seen)
         return errors
 
     def residuals(numbers: Floats) -> Floats:
+        in_sigmas = np.concatenate(missed(numbers)).ravel() / _CORNER_PX
+        turned = np.degrees(numbers[8:]) / _TURN_DEG
         # The board's own turn and that of all stops are one: the mean turn is held at zero.
-        held = 1e3 * float(np.mean(numbers[6:]))
-        return np.append(np.concatenate(missed(numbers)).ravel(), held)
+        return np.concatenate([in_sigmas, turned, [1e3 * np.mean(turned)]])
 
     middle = len(views) // 2
     start = rig.axis.table_from_camera(angles[middle]) @ views[middle].pose.camera_from_board
-    first = np.concatenate([start.rvec, start.translation, np.zeros(len(views))])
-    scale = np.concatenate([np.full(3, 0.01), np.ones(3), np.full(len(views), 0.01)])
-    solved = least_squares(residuals, first, x_scale=scale, loss="soft_l1").x
+    first = np.concatenate([start.rvec, start.translation, np.zeros(2 + len(views))])
+    scale = np.concatenate([np.full(3, 0.01), np.ones(5), np.full(len(views), 0.01)])
+    solved = least_squares(residuals, first, x_scale=scale, loss="soft_l1")
     px_per_mm = float(rig.camera.matrix[0, 0]) / float(np.linalg.norm(rig.axis.origin))
-    off = [np.linalg.norm(error.mean(axis=0)) / px_per_mm for error in missed(solved)]
-    return _Sway(np.degrees(solved[6:]), np.array(off))
+    off = [np.linalg.norm(error.mean(axis=0)) / px_per_mm for error in missed(solved.x)]
+    slopes: Floats = np.asarray(solved.jac, np.float64)
+    covariance = np.linalg.pinv(slopes.T @ slopes)[6:8, 6:8]
+    return _Sway(
+        np.degrees(solved.x[8:]), np.array(off), float(np.linalg.norm(solved.x[6:8])),
+        float(np.sqrt(np.trace(covariance))),
+    )  # fmt: skip
+
+
+def _axis(sway: _Sway) -> list[ProofFinding]:
+    if not sway.axis_sigma_mm <= _AXIS_KNOWN_MM:
+        return []
+    words = f"In these pictures the table turns about a line {sway.axis_mm:.3f} mm from the calibrated axis."
+    return [_finding("axis", sway.axis_mm, words)]
 
 
 def _wobble(sway: _Sway) -> ProofFinding:

@@ -53,11 +53,7 @@ def calibrate_command(
     axis: Annotated[_Axis, typer.Option(help="How the paper's method finds the axis.")] = _Axis.AUTO,
     intrinsics: Annotated[
         Path | None,
-        typer.Option(
-            "--intrinsics",
-            "--camera",
-            help="A calibration file, or OpenCV's YAML or XML, whose camera is taken as it is.",
-        ),
+        typer.Option(help="A calibration file, or OpenCV's YAML or XML, whose camera is taken as it is."),
     ] = None,
     detector: Annotated[
         str, typer.Option(help="Stripe detector; by default zero-crossing, or threshold for the paper.")
@@ -75,6 +71,12 @@ def calibrate_command(
         str | None,
         typer.Option(help="Take the pictures on this bench: its file, or simulated, or simulated:grbl."),
     ] = None,
+    known_camera: Annotated[
+        Path | None,
+        typer.Option(
+            "--camera", help="With --bench: as --intrinsics; the camera's views are then not taken."
+        ),
+    ] = None,
     board: Annotated[
         str, typer.Option(help="With --bench: the board, such as chessboard:11x8:12; else its bench file's.")
     ] = "",
@@ -86,8 +88,10 @@ def calibrate_command(
     ] = 60.0,
 ) -> int:
     """Calibrate camera, laser planes and axis, from recordings or on the bench itself."""
-    if bench is None and (board or resume):
-        raise OptionError("--board and --resume only go with --bench.")
+    if bench is None and (board or resume or known_camera):
+        raise OptionError(
+            "--board, --camera and --resume only go with --bench.", "For a known camera, say --intrinsics."
+        )
     if bench is not None and method is not _Method.JOINT:
         raise OptionError("--bench only goes with the joint method.")
     if no_distortion and method is not _Method.PAPER:
@@ -97,7 +101,8 @@ def calibrate_command(
             "--axis only goes with --method paper: the joint method uses all that was recorded."
         )
     name = detector or ("threshold" if method is _Method.PAPER else "zero-crossing")
-    camera = None if intrinsics is None else load_camera(intrinsics)
+    file = intrinsics or known_camera
+    camera = None if file is None else load_camera(file)
     plan = CalibrationPlan(method.value, axis.value, camera, not no_distortion, skip_bad_frames)
     for path in (output, report):
         if path is not None:

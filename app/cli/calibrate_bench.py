@@ -7,10 +7,10 @@ from pathlib import Path
 
 from rich.table import Table
 
-from app.calibration.calibrate import calibrate
 from app.calibration.capture import Captured, CapturePlan, capture
 from app.calibration.capture_events import CaptureEvent, EventKind, Request, Task, simulated_hands
 from app.calibration.capture_session import CaptureSession
+from app.calibration.capture_solve import calibrate_captured
 from app.calibration.outcome import CalibrationOutcome
 from app.calibration.plan import CalibrationPlan
 from app.calibration.proof import Proof, Verdict, prove
@@ -46,7 +46,7 @@ class BenchCalibration:
 
     Attributes:
         bench: what `--bench` says.
-        out: folder of the pictures; None for a dated one beside the calibrations.
+        out: folder of the pictures; None for a dated one in the store of calibrations.
         board: what `--board` says; empty for that of the bench file.
         resumes: go on with the pictures in `out`.
         patience_s: how long to wait for a device that has gone away.
@@ -70,7 +70,7 @@ class BenchCalibration:
         """
         if self.resumes and self.out is None:
             raise OptionError("--resume needs the folder to go on with.")
-        folder = self.out or STORE / f"{datetime.now(UTC):%Y-%m-%dT%H-%M-%SZ}"
+        folder = self.out or STORE / "pictures" / f"{datetime.now(UTC):%Y-%m-%dT%H-%M-%SZ}"
         captured = self._captured(folder)
         return self._solved(captured)
 
@@ -113,10 +113,9 @@ class BenchCalibration:
             say([f"{count} pictures are kept. Go on with: turnscan calibrate{bench} --resume {folder}"])
 
     def _solved(self, captured: Captured) -> tuple[CalibrationOutcome, Proof | None]:
-        recordings = [captured.recording]
         with progress_bar() as show:
-            outcome = calibrate(recordings, self.detector, self.plan, show)
-            outcome = replace(outcome, record=with_table(outcome.record, recordings, show))
+            outcome = calibrate_captured(captured.recording, self.detector, self.plan, show)
+            outcome = replace(outcome, record=with_table(outcome.record, [captured.recording], show))
             if captured.proof is None:
                 return outcome, None
             try:
