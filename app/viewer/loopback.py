@@ -10,6 +10,8 @@ from collections.abc import Iterator
 from viser import ViserServer
 from viser import _messages as viser_messages
 
+# Of 128 large ones viser would make one frame, which must be there as a whole before it can be passed on.
+_MESSAGES_IN_A_FRAME = 4
 _log = logging.getLogger(__name__)
 
 
@@ -20,6 +22,7 @@ def open_viser() -> ViserServer:
     # A bare socket reaches these handlers, whether or not the page has a button for them.
     for kind in (viser_messages.ShareUrlRequest, viser_messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(kind)
+    server._websock_server._broadcast_buffer.max_window_size = _MESSAGES_IN_A_FRAME
     return server
 
 

@@ -161,6 +161,7 @@ def test_what_we_rely_on_inside_viser_is_there() -> None:
         assert not handled & {"ShareUrlRequest", "ShareUrlDisconnect"}
         assert WELCOME - {"ViewerCameraMessage"} <= handled
         assert inner._live_connections == {}
+        assert 1 < inner._broadcast_buffer.max_window_size < 10
         assert inner._host == "127.0.0.1"
         assert view.port > 1023
     assert viewer_page().dialect == f"viser-v{viser.__version__}"
