@@ -119,3 +119,5 @@ def _set_up(served: Services, view: CloudView) -> None:
     if record is not None and record.lasers and record.axis is not None:
         view.show_rig(record.rig)
         served.live.learn(rig=record.rig)
+    if served.bench.world is not None:
+        served.live.learn(board=served.bench.world.stage.board)

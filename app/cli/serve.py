@@ -22,6 +22,7 @@ def serve_command(
     import uvicorn
 
     from app.main import API, create_app
+    from app.viewer.proxy import SOCKET_OPTIONS
 
     description = bench_description(bench)
     logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s")
@@ -31,5 +32,5 @@ def serve_command(
     say([f"Open {address} in a browser on this machine. The API is at {address}{API}. Ctrl-C ends it."])
     uvicorn.run(
         application, host="127.0.0.1", port=port, log_level="warning",
-        ws_per_message_deflate=False, ws_ping_timeout=180.0,
+        timeout_graceful_shutdown=5, **SOCKET_OPTIONS,
     )  # fmt: skip
