@@ -36,7 +36,8 @@ def test_a_laser_that_is_always_on_is_told_from_one_that_does_not_light(tmp_path
         exam.bench.switch("left", True)
         obey(lambda channel, is_on: channel != 1)(exam)
 
-    report = report_of(described(), tmp_path, ["lasers"], stick)
+    # Not so fast that a busy machine lets the firmware's laser timer run out.
+    report = report_of(described(rate=8.0), tmp_path, ["lasers"], stick)
 
     assert list(named(report)) == ["lasers.light.left"]
     assert "on all the time" in report.troubles[0].sentence
@@ -62,7 +63,7 @@ def test_a_picture_out_of_focus_is_named(tmp_path: Path) -> None:
     report = report_of(described(), tmp_path, ["picture"], blur)
 
     assert list(named(report)) == ["picture.focus"]
-    assert measured(report, "picture.focus", "blur_px") > 2.5
+    assert measured(report, "picture.focus", "blur_px") > 2.0
 
 
 def test_a_dark_room_is_named(tmp_path: Path) -> None:
