@@ -53,7 +53,9 @@ def measure_lasers(exam: Examination) -> tuple[Finding, ...]:
 def judge_light(look: LaserLook) -> Finding:
     """Whether it can be switched on, and off again."""
     name, numbers = look.entry.name, {"rows_share": round(look.share, 3)}
-    if brings_light(look.after, look.dark, look.entry):
+    # Another laser that cannot be put out flickers by its speckle; this one's own stripe goes or stays.
+    goes_out = brings_light(look.lit, look.after, look.entry)
+    if brings_light(look.after, look.dark, look.entry) and not goes_out:
         return _stays_on(look.entry, "stays on after it was switched off")
     if look.is_lit:
         return Finding(f"lasers.light.{name}", State.OK, f"Laser {name} lights and goes out.", "", numbers)
