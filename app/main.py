@@ -51,27 +51,28 @@ def create_app(settings: Settings, description: BenchDescription) -> FastAPI:
     Raises:
         OptionError, BenchFileError: the bench cannot be built.
     """
-    parts = ExitStack()
-    machine = parts.enter_context(Bench.build(description))
-    view = parts.enter_context(CloudView())
-    parts.enter_context(Follower(machine, view))
-    for folder in (settings.scans, settings.jobs):
-        make_folder(folder)
-    bus = EventBus()
-    runner = JobRunner(settings.jobs, bus)
-    parts.callback(runner.close)
-    pictures = parts.enter_context(closing(LivePictures.of_bench(machine)))
-    served = Services(
-        bench_spec=settings.bench_spec,
-        bench=machine,
-        runner=runner,
-        library=Library(settings.scans),
-        calibrations=CalibrationStore(settings.calibrations),
-        live=pictures,
-        on_scan=lambda: view.begin(tuple(machine.lasers)),
-        on_profile=view.add,
-        on_scan_end=view.finish,
-    )
+    with ExitStack() as building:
+        machine = building.enter_context(Bench.build(description))
+        view = building.enter_context(CloudView())
+        building.enter_context(Follower(machine, view))
+        for folder in (settings.scans, settings.jobs):
+            make_folder(folder)
+        bus = EventBus()
+        runner = JobRunner(settings.jobs, bus)
+        building.callback(runner.close)
+        pictures = building.enter_context(closing(LivePictures.of_bench(machine)))
+        served = Services(
+            bench_spec=settings.bench_spec,
+            bench=machine,
+            runner=runner,
+            library=Library(settings.scans),
+            calibrations=CalibrationStore(settings.calibrations),
+            live=pictures,
+            on_scan=lambda: view.begin(tuple(machine.lasers)),
+            on_profile=view.add,
+            on_scan_end=view.finish,
+        )
+        parts = building.pop_all()
 
     @asynccontextmanager
     async def lifespan(application: FastAPI) -> AsyncIterator[None]:

@@ -179,15 +179,19 @@ class Bench:
 
     @contextmanager
     def lease(self, holder: str, *, wait_s: float = _LEASE_WAIT_S) -> Iterator[None]:
-        """Hold the bench for a job; it is made safe on every way out.
+        """Hold the bench for a job; lasers that somebody left on go off, and all is safe on every way out.
 
         Raises:
             BenchBusy: another job holds it.
+            DeviceError: a laser that is on cannot be put out.
         """
         if not self._lease.acquire(timeout=wait_s):
             raise BenchBusy(f"The bench is in use: {self._holder}.")
         self._holder = holder
         try:
+            with self._lock:
+                left_on = tuple(self._lit)
+            self._put_out(left_on)
             yield
         finally:
             try:

@@ -15,6 +15,8 @@ from app.errors import DeviceError, TurnBrokenOff
 from app.jobs.events import PointsAdded
 from app.jobs.runner import JobContext, Work
 from app.jobs.scan_parts import check_lasers, live_points_for, recovery_for, rig_of
+from app.library.again import reconstruct_again
+from app.library.library import Library
 from app.recording.manifest import FrameEntry
 from app.recording.reader import Recording
 from app.scanning.live import LivePoints
@@ -81,9 +83,18 @@ def scan_work(
     return work
 
 
-def reconstruct_work(folder: Path, record: CalibrationRecord, cloud: Path) -> Work:
-    """The cloud of a recording."""
-    return lambda job: _reconstructed(job, Recording.open(folder), record, cloud)
+def reconstruct_work(library: Library, name: str, record: CalibrationRecord) -> Work:
+    """Another cloud of a scan in the library; those it has stay."""
+
+    def work(job: JobContext) -> Mapping[str, Any]:
+        def progress(done: int, total: int, points: int) -> None:
+            job.checkpoint()
+            job.progress(done, total, f"{points} points")
+
+        again = reconstruct_again(library, name, record, progress=progress)
+        return {"cloud": again.cloud.name, "points": again.report.points, "doubts": list(again.report.doubts)}
+
+    return work
 
 
 def checkup_work(bench: Bench, names: Sequence[str], scans: Path, record: CalibrationRecord | None) -> Work:

@@ -80,6 +80,12 @@ def test_a_lease_that_ends_badly_makes_all_safe(bench: Bench) -> None:
     wait_until(lambda: not world.plant.at(world.clock.now_s()).is_moving)
 
 
+def test_a_job_finds_no_laser_that_somebody_left_on(bench: Bench) -> None:
+    bench.switch("left", True)
+    with bench.lease("a scan"):
+        assert _lit(bench) == ()
+
+
 def test_an_emergency_stop_from_another_thread_ends_a_move(bench: Bench) -> None:
     world = _world(bench)
     ended: list[BaseException] = []

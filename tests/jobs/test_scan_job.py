@@ -13,6 +13,7 @@ from app.jobs.events import EventBus
 from app.jobs.job import JobSnapshot, JobState
 from app.jobs.recipes import ScanOrder, checkup_work, reconstruct_work, scan_work
 from app.jobs.runner import JobRunner
+from app.library.library import Library
 from app.recording.reader import Recording
 from app.scanning.plan import ScanPlan
 
@@ -41,17 +42,20 @@ def test_a_scan_job_ends_with_a_cloud(
     runner: JobRunner, bench: Bench, record: CalibrationRecord, tmp_path: Path
 ) -> None:
     points: list[int] = []
-    order = ScanOrder(tmp_path / "scan", ScanPlan(lasers=("left",), steps=12), "simulated")
+    library = Library(tmp_path / "scans")
+    folder = library.reserve("A ball")
+    order = ScanOrder(folder, ScanPlan(lasers=("left",), steps=12), "simulated")
     work = scan_work(bench, order, record, lambda profile: points.append(len(profile)))
     job = _ended(runner, runner.submit("scan", "a ball", work, needs_bench=True).id)
     assert job.state is JobState.DONE, job.problem
     assert job.result["pictures"] == 24
     assert job.result["points"] > 500
-    assert (tmp_path / "scan" / "cloud.ply").is_file()
+    assert (folder / "cloud.ply").is_file()
     assert sum(points) > 500
-    again = reconstruct_work(tmp_path / "scan", record, tmp_path / "again.ply")
+    again = reconstruct_work(library, folder.name, record)
     job = _ended(runner, runner.submit("reconstruct", "again", again, needs_bench=False).id)
     assert job.state is JobState.DONE, job.problem
+    assert len(library.scan(folder.name).clouds) == 2
 
 
 _STEPS = ScanPlan(lasers=("left",), steps=60)

@@ -10,7 +10,7 @@ from pydantic import BaseModel, Field, TypeAdapter
 from app.api.services import Served, Services
 from app.errors import CalibrationFileError, NotThere, OptionError
 from app.jobs.job import JobSnapshot, JobState
-from app.jobs.recipes import CLOUD_FILE, ScanOrder, checkup_work, reconstruct_work, scan_work
+from app.jobs.recipes import ScanOrder, checkup_work, reconstruct_work, scan_work
 from app.jobs.runner import JobContext
 from app.scanning.plan import ScanPlan
 
@@ -122,11 +122,11 @@ def resume_scan(served: Served, wanted: ResumeIn) -> JobOut:
 
 @router.post("/reconstruct")
 def start_reconstruction(served: Served, wanted: ReconstructIn) -> JobOut:
-    """Compute the cloud of a scan again."""
+    """Compute another cloud of a scan; those it has stay."""
     item, record = served.library.scan(wanted.scan), served.calibration()
     if record is None:
         raise CalibrationFileError("calibration_store", "holds no calibration yet")
-    work = reconstruct_work(item.folder, record, item.folder / CLOUD_FILE)
+    work = reconstruct_work(served.library, item.name, record)
     return shown(served.runner.submit("reconstruct", item.title, work, needs_bench=False))
 
 
