@@ -60,7 +60,8 @@ function scanLine(scan) {
 async function showBench() {
   const bench = await ask("GET", "/bench");
   const board = bench.turntable || "no board";
-  const camera = bench.camera.connected ? `camera at ${bench.camera.fps.toFixed(0)} pictures/s` : "no camera";
+  const pace = bench.camera.fps ? `camera at ${bench.camera.fps.toFixed(0)} pictures/s` : "camera connected";
+  const camera = bench.camera.connected ? pace : "no camera";
   at("bench").textContent = [`${bench.name}: ${board}, ${camera}`, ...bench.problems].join(". ");
 }
 
