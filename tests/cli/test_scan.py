@@ -123,7 +123,7 @@ def test_a_killed_scan_leaves_no_laser_on_and_goes_on(
     _wait_for(lambda: not _plant(board).at(board.clock.now_s()).outputs_on, 3.0)
     kept = len(Recording.open(folder).entries)
     assert kept > 5
-    # The watchdog says the rest of its farewell; a scan that is resumed in the same second would be reset by it.
+    # The watchdog says the rest of its farewell; a scan resumed in the same second would be reset by it.
     time.sleep(4.0)
     outcome = turnscan("scan", folder, "--resume", "--accept-position")
     assert outcome.code == 0, outcome.said
