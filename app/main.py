@@ -5,18 +5,17 @@ import threading
 from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager, closing
 from pathlib import Path
-from typing import Any
 
-from fastapi import APIRouter, FastAPI
+from fastapi import FastAPI
 from fastapi.responses import FileResponse
 from fastapi.staticfiles import StaticFiles
 from starlette.requests import HTTPConnection
 
 from app import api
 from app.api.guard import OwnPagesOnly, is_own
-from app.api.problems import Problem, answer_problems
-from app.api.routes import bench, events, jobs, live, scans
+from app.api.problems import answer_problems
 from app.api.services import Services
+from app.api.versioned import API, versioned_routes
 from app.calibration.store import CalibrationStore
 from app.devices.bench import Bench
 from app.devices.bench_file import BenchDescription
@@ -31,13 +30,8 @@ from app.settings import Settings
 from app.viewer.cloud_view import CloudView
 from app.viewer.proxy import view_routes
 
-API = "/api/v1"
 _START = Path(api.__file__).parent / "start"
 _POLICY = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'"
-_PROBLEMS: dict[int | str, dict[str, Any]] = {
-    "4XX": {"model": Problem, "description": "What is wrong with the request."},
-    "5XX": {"model": Problem, "description": "What the scanner cannot do now."},
-}
 _log = logging.getLogger(__name__)
 
 
@@ -86,10 +80,7 @@ def create_app(settings: Settings, description: BenchDescription) -> FastAPI:
     )  # fmt: skip
     application.state.services = served
     answer_problems(application)
-    versioned = APIRouter(prefix=API, responses=_PROBLEMS)
-    for routes in (bench, jobs, scans, live, events):
-        versioned.include_router(routes.router)
-    application.include_router(versioned)
+    application.include_router(versioned_routes())
     application.router.routes.extend(view_routes(view, _may_enter))
     application.mount("/start", StaticFiles(directory=_START))
     application.add_api_route("/", _start_page, include_in_schema=False)

@@ -21,7 +21,8 @@ def serve_command(
     """Serve the scanner on this machine until Ctrl-C: its API, live pictures and the 3D view."""
     import uvicorn
 
-    from app.main import API, create_app
+    from app.api.versioned import API
+    from app.main import create_app
     from app.viewer.proxy import SOCKET_OPTIONS
 
     description = bench_description(bench)

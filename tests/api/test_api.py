@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 from fastapi.testclient import TestClient
 
+from app.api.versioned import API
 from app.devices.bench_file import simulated_description
-from app.main import API, create_app
+from app.main import create_app
 from app.settings import Settings
 from app.surface.ply_reader import read_ply
 
