@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out
 
-.PHONY: run test check bench clean
+.PHONY: run test check api bench clean
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -23,8 +23,17 @@ check: $(STAMP)
 test: check
 	$(BIN)/pytest -n auto --dist loadfile
 
+# What the API offers, for programs and for the page's types. Run it after changing a route.
+api: $(STAMP) web/node_modules/.package-lock.json
+	$(BIN)/python -m app.api.document web/openapi.json
+	cd web && npm run --silent types
+
+web/node_modules/.package-lock.json: web/package-lock.json web/package.json
+	cd web && npm ci --no-audit --no-fund
+	touch $@
+
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks
 
 clean:
-	rm -rf $(VENV) $(OUT) .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(OUT) web/node_modules .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
