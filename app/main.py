@@ -14,6 +14,7 @@ from starlette.requests import HTTPConnection
 from app import api
 from app.api.guard import OwnPagesOnly, is_own
 from app.api.problems import answer_problems
+from app.api.scene import Scene
 from app.api.services import Services
 from app.api.versioned import API, versioned_routes
 from app.calibration.store import CalibrationStore
@@ -55,6 +56,7 @@ def create_app(settings: Settings, description: BenchDescription) -> FastAPI:
         runner = JobRunner(settings.jobs, bus)
         building.callback(runner.close)
         pictures = building.enter_context(closing(LivePictures.of_bench(machine)))
+        scene = Scene(view)
         served = Services(
             bench_spec=settings.bench_spec,
             bench=machine,
@@ -62,9 +64,10 @@ def create_app(settings: Settings, description: BenchDescription) -> FastAPI:
             library=Library(settings.scans),
             calibrations=CalibrationStore(settings.calibrations),
             live=pictures,
-            on_scan=lambda: view.begin(tuple(machine.lasers)),
-            on_profile=view.add,
-            on_scan_end=view.finish,
+            scene=scene,
+            on_scan=lambda: scene.begin(tuple(machine.lasers)),
+            on_profile=scene.add,
+            on_scan_end=scene.finish,
         )
         parts = building.pop_all()
 

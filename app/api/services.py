@@ -7,6 +7,7 @@ from typing import Annotated, cast
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from app.api.scene import Scene
 from app.calibration.record import CalibrationRecord
 from app.calibration.store import CalibrationStore
 from app.devices.bench import Bench
@@ -34,6 +35,7 @@ class Services:
     library: Library
     calibrations: CalibrationStore
     live: LivePictures
+    scene: Scene
     on_scan: Callable[[], None]
     on_profile: Callable[[Profile], None]
     on_scan_end: Callable[[], None]

@@ -18,8 +18,8 @@ from app.geometry.rig import Rig
 from app.geometry.transform import RigidTransform
 from app.scanning.profile import Profile
 from app.viewer.chunks import BUDGET_POINTS
-from app.viewer.colouring import Colouring, ColourMode
-from app.viewer.eyes import FAR_MM, FOV_RAD, NEAR_MM, Preset, place
+from app.viewer.colouring import colour_mode
+from app.viewer.eyes import FAR_MM, FOV_RAD, NEAR_MM, place
 from app.viewer.live_cloud import LiveCloud
 from app.viewer.loopback import close_viser, open_viser, remote_port
 from app.viewer.stage import Stage
@@ -156,14 +156,14 @@ class CloudView:
         """Empty the table."""
         self._put(self._cloud.clear)
 
-    def colour_by(self, mode: ColourMode) -> None:
+    def colour_by(self, mode: str) -> None:
         """Colour all points by what is known about each.
 
         Raises:
             OptionError: there is no such mode.
         """
-        Colouring(mode)
-        self._put(lambda: self._cloud.colour_by(mode))
+        known = colour_mode(mode)
+        self._put(lambda: self._cloud.colour_by(known))
 
     def set_point_size(self, size_mm: float) -> None:
         """Draw points so large; larger where some were left out.
@@ -179,7 +179,7 @@ class CloudView:
         """Colours that suit a dark or a light page."""
         self._put(lambda: self._stage.set_dark(is_dark))
 
-    def look(self, preset: Preset, tab: str | None = None) -> None:
+    def look(self, preset: str, tab: str | None = None) -> None:
         """Move viewers to a place from which the scene is good to see.
 
         Args:

@@ -44,12 +44,6 @@ class Colouring:
     mode: ColourMode = "height"
     top_mm: float = 32.0
 
-    def __post_init__(self) -> None:
-        if self.mode not in COLOUR_MODES:
-            raise OptionError(
-                f"Points cannot be coloured by {self.mode!r}.", f"Choose one of: {', '.join(COLOUR_MODES)}."
-            )
-
     def colours(self, shown: DisplayPoints) -> Colours:
         """(N, 3) red, green, blue."""
         plain = _PLAIN[self.mode](shown, self.top_mm)
@@ -58,6 +52,14 @@ class Colouring:
         lit = plain.astype(np.uint16) * shown.shade[:, None] // FULL_SHADE
         colours: Colours = np.minimum(lit, 255).astype(np.uint8)
         return colours
+
+
+def colour_mode(name: str) -> ColourMode:
+    """The mode of that name. Raises OptionError where there is none."""
+    for mode in COLOUR_MODES:
+        if mode == name:
+            return mode
+    raise OptionError(f"Points cannot be coloured by {name!r}.", f"Choose one of: {', '.join(COLOUR_MODES)}.")
 
 
 def _height(shown: DisplayPoints, top_mm: float) -> Colours:

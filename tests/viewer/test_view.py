@@ -139,7 +139,7 @@ def test_points_change_colour_and_size_for_everybody(view: CloudView) -> None:
         view.set_point_size(2.5)
         wait_until(lambda: viewer.nodes[name].props["point_size"] == 2.5)
     with pytest.raises(OptionError):
-        view.colour_by("taste")  # type: ignore[arg-type]
+        view.colour_by("taste")
     with pytest.raises(OptionError):
         view.set_point_size(0.0)
 

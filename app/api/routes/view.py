@@ -1,0 +1,120 @@
+"""The 3D view: what it shows and how. The view itself is at `/view/`, or `/view/TAB/` for one page's own."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter
+from pydantic import BaseModel, Field
+
+from app.api.services import Served, Services
+from app.errors import NotThere, ScanBusy
+from app.jobs.job import JobState
+from app.surface.ply_reader import read_ply
+
+router = APIRouter(prefix="/view", tags=["view"])
+Colour = Literal["texture", "height", "laser", "quality", "angle"]
+Preset = Literal["home", "top", "front", "back", "left", "right", "scanner", "camera"]
+Name = Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class ViewOut(BaseModel):
+    """What the view shows; see `Shown`."""
+
+    live: bool
+    scan: str
+    cloud: str
+    points: int
+    colour: Colour
+    point_size_mm: float
+    dark: bool
+    viewers: int
+
+
+class ViewIn(BaseModel):
+    """How to draw; what is absent stays."""
+
+    colour: Colour | None = None
+    point_size_mm: Annotated[float, Field(gt=0.0, le=20.0)] | None = None
+    dark: bool | None = None
+
+
+class ShowIn(BaseModel):
+    """A scan of the library to show; its newest cloud where none is named."""
+
+    scan: Name
+    cloud: Name | None = None
+
+
+class LookIn(BaseModel):
+    """From where to look; `tab` is the page's own name of its view, all pages where it is absent."""
+
+    preset: Preset
+    tab: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = None
+
+
+@router.get("")
+def show_view(served: Served) -> ViewOut:
+    """What is shown now."""
+    return _shown(served)
+
+
+@router.patch("")
+def change_view(served: Served, wanted: ViewIn) -> ViewOut:
+    """Colours, size of points, dark or light."""
+    if wanted.colour is not None:
+        served.scene.colour_by(wanted.colour)
+    if wanted.point_size_mm is not None:
+        served.scene.set_point_size(wanted.point_size_mm)
+    if wanted.dark is not None:
+        served.scene.set_dark(wanted.dark)
+    return _shown(served)
+
+
+@router.post("/show")
+def show_scan_in_view(served: Served, wanted: ShowIn) -> ViewOut:
+    """Open a finished scan in the view."""
+    _refuse_while_scanning(served)
+    item = served.library.scan(wanted.scan)
+    names = [cloud.name for cloud in item.clouds]
+    if not names:
+        raise NotThere(f"The scan {item.title!r} has no cloud.", "Reconstruct it first.")
+    name = wanted.cloud or names[-1]
+    if name not in names:
+        raise NotThere(f"The scan {item.title!r} has no cloud {name!r}.", f"It has: {', '.join(names)}.")
+    served.scene.show_cloud(item.name, name, read_ply(item.folder / name))
+    return _shown(served)
+
+
+@router.post("/clear")
+def clear_view(served: Served) -> ViewOut:
+    """Empty the table."""
+    _refuse_while_scanning(served)
+    served.scene.clear()
+    return _shown(served)
+
+
+@router.post("/look", status_code=204)
+def look_from(served: Served, wanted: LookIn) -> None:
+    """Move one page, or all, to a place from which the scene is good to see."""
+    served.scene.look(wanted.preset, wanted.tab)
+
+
+def _refuse_while_scanning(served: Services) -> None:
+    busy = (JobState.RUNNING, JobState.PAUSED)
+    if served.scene.shown.is_live and any(
+        job.kind == "scan" and job.state in busy for job in served.runner.jobs()
+    ):
+        raise ScanBusy(
+            "The view shows the scan that is being taken.",
+            "Open another scan when it has ended, or cancel it.",
+        )
+
+
+def _shown(served: Services) -> ViewOut:
+    shown = served.scene.shown
+    return ViewOut.model_validate(
+        {
+            "live": shown.is_live, "scan": shown.scan, "cloud": shown.cloud, "points": shown.points,
+            "colour": shown.colour, "point_size_mm": shown.point_size_mm, "dark": shown.is_dark,
+            "viewers": served.scene.viewers,
+        }
+    )  # fmt: skip
