@@ -32,7 +32,9 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
 def test_a_finished_scan_is_opened_coloured_and_cleared_away(client: TestClient) -> None:
     shown = client.post(f"{API}/view/show", json={"scan": NAME}).json()
     assert (shown["scan"], shown["cloud"], shown["points"], shown["live"]) == (NAME, "cloud.ply", 40, False)
-    changed = client.patch(f"{API}/view", json={"colour": "laser", "point_size_mm": 1.5, "dark": False}).json()
+    changed = client.patch(
+        f"{API}/view", json={"colour": "laser", "point_size_mm": 1.5, "dark": False}
+    ).json()
     assert (changed["colour"], changed["point_size_mm"], changed["dark"]) == ("laser", 1.5, False)
     assert client.post(f"{API}/view/look", json={"preset": "top"}).status_code == 204
     assert client.post(f"{API}/view/clear").json()["points"] == 0
