@@ -1,9 +1,10 @@
 """Reading the vertices of any PLY file, however it was made."""
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ _TYPES = {
 }  # fmt: skip
 _LASER_COMMENT = "laser "
 _LINES_AT_ONCE = 65_536
+_Columns: TypeAlias = dict[str, NDArray[np.generic]]
 
 
 @dataclass(slots=True)
@@ -54,13 +56,7 @@ def read_ply(path: Path) -> PointCloud:
     Raises:
         PointCloudFileError: it is no PLY file, is cut short, or a position is not finite.
     """
-    try:
-        with path.open("rb") as file:
-            header = _read_header(file, path)
-            columns = _read_columns(file, header, path)
-    except OSError as error:
-        raise PointCloudFileError(str(path), reason(error)) from error
-    return _cloud(columns, header.laser_names, path)
+    return next(iter(PlyFile.open(path).pieces(None)))
 
 
 def ply_points(path: Path) -> int:
@@ -69,12 +65,55 @@ def ply_points(path: Path) -> int:
     Raises:
         PointCloudFileError: it is no PLY file.
     """
-    try:
-        with path.open("rb") as file:
-            header = _read_header(file, path)
-    except OSError as error:
-        raise PointCloudFileError(str(path), reason(error)) from error
-    return sum(element.count for element in header.elements if element.name == "vertex")
+    return PlyFile.open(path).points
+
+
+@dataclass(frozen=True, slots=True)
+class PlyFile:
+    """A PLY file whose header was read.
+
+    Attributes:
+        path: of the file.
+        points: vertices that it promises.
+        laser_names: what `laser` counts.
+        is_text: whether its numbers are text.
+    """
+
+    path: Path
+    points: int
+    laser_names: tuple[str, ...]
+    is_text: bool
+
+    @classmethod
+    def open(cls, path: Path) -> Self:
+        """Read the header.
+
+        Raises:
+            PointCloudFileError: it is no PLY file.
+        """
+        try:
+            with path.open("rb") as file:
+                header = _read_header(file, path)
+        except OSError as error:
+            raise PointCloudFileError(str(path), reason(error)) from error
+        points = next((element.count for element in header.elements if element.name == "vertex"), 0)
+        return cls(path, points, header.laser_names, not header.order)
+
+    def pieces(self, most: int | None = 65_536) -> Iterator[PointCloud]:
+        """The vertices as `read_ply` has them, at most so many at a time, so that any file goes through.
+
+        Raises:
+            PointCloudFileError: as `read_ply`, in the piece where it shows.
+        """
+        done = 0
+        try:
+            with self.path.open("rb") as file:
+                header = _read_header(file, self.path)
+                for columns in _read_columns(file, header, self.path, most):
+                    yield _cloud(columns, header.laser_names, self.path, done)
+                    done += len(columns["x"])
+        except OSError as error:
+            raise PointCloudFileError(str(self.path), reason(error)) from error
 
 
 def _read_header(file: BinaryIO, path: Path) -> _Header:
@@ -134,8 +173,8 @@ def _property(words: list[str], path: Path) -> _Property:
     return _Property(words[-1], _TYPES[words[-2]], is_list)
 
 
-def _read_columns(file: BinaryIO, header: _Header, path: Path) -> dict[str, NDArray[np.generic]]:
-    """Every vertex property by name."""
+def _read_columns(file: BinaryIO, header: _Header, path: Path, most: int | None) -> Iterator[_Columns]:
+    """Every vertex property by name, at most so many vertices at a time."""
     left = os.fstat(file.fileno()).st_size - file.tell()
     for element in header.elements:
         is_vertex = element.name == "vertex"
@@ -159,43 +198,62 @@ def _read_columns(file: BinaryIO, header: _Header, path: Path) -> dict[str, NDAr
             if not is_vertex:
                 file.seek(element.count * size, os.SEEK_CUR)
                 continue
-            return _binary_columns(file, element, header.order, path)
+            yield from _binary_columns(file, element, header.order, path, most)
+            return
         if is_vertex:
-            return _text_columns(file, element, path)
+            yield from _text_columns(file, element, path, most)
+            return
         for _ in range(element.count):
-            file.readline()
+            if not _line(file, path):
+                break
     raise PointCloudFileError(str(path), "has no vertices")
 
 
 def _binary_columns(
-    file: BinaryIO, element: _Element, order: str, path: Path
-) -> dict[str, NDArray[np.generic]]:
+    file: BinaryIO, element: _Element, order: str, path: Path, most: int | None
+) -> Iterator[_Columns]:
     layout = np.dtype([(p.name, order + p.type) for p in element.properties])
-    rows = np.fromfile(file, layout, element.count)
-    if len(rows) < element.count:
-        raise PointCloudFileError(str(path), f"ends after {len(rows)} of {element.count} vertices")
-    return {p.name: rows[p.name] for p in element.properties}
+    for done, wanted in _portions(element.count, most):
+        rows = np.fromfile(file, layout, wanted)
+        if len(rows) < wanted:
+            raise PointCloudFileError(str(path), f"ends after {done + len(rows)} of {element.count} vertices")
+        yield {p.name: rows[p.name] for p in element.properties}
 
 
-def _text_columns(file: BinaryIO, element: _Element, path: Path) -> dict[str, NDArray[np.generic]]:
+def _text_columns(file: BinaryIO, element: _Element, path: Path, most: int | None) -> Iterator[_Columns]:
     width = len(element.properties)
-    table = np.empty((element.count, width))
-    done = 0
-    while done < element.count:
-        words: list[bytes] = []
-        rows = min(_LINES_AT_ONCE, element.count - done)
-        while len(words) < rows * width:
-            line = file.readline()
-            if not line:
-                raise PointCloudFileError(str(path), f"ends before its {element.count} vertices do")
-            words += line.split()
-        try:
-            table[done : done + rows] = np.array(words, np.float64).reshape(rows, width)
-        except ValueError:
-            problem = f"has something that is no number among its vertices {done} to {done + rows - 1}"
-            raise PointCloudFileError(str(path), problem) from None
-        done += rows
-    return {p.name: _typed(table[:, k], p, path) for k, p in enumerate(element.properties)}
+    for first, wanted in _portions(element.count, most):
+        table = np.empty((wanted, width))
+        for done, rows in _portions(wanted, _LINES_AT_ONCE):
+            words: list[bytes] = []
+            while len(words) < rows * width:
+                line = _line(file, path)
+                if not line:
+                    problem = f"ends before its {element.count} vertices do"
+                    raise PointCloudFileError(str(path), problem)
+                words += line.split()
+            try:
+                table[done : done + rows] = np.array(words, np.float64).reshape(rows, width)
+            except ValueError:
+                span = f"{first + done} to {first + done + rows - 1}"
+                problem = f"has something that is no number among its vertices {span}"
+                raise PointCloudFileError(str(path), problem) from None
+        yield {p.name: _typed(table[:, k], p, path) for k, p in enumerate(element.properties)}
+
+
+def _portions(count: int, most: int | None) -> Iterator[tuple[int, int]]:
+    """Where each begins and how many it has; one of nothing where there is nothing."""
+    step = most or max(count, 1)
+    for start in range(0, max(count, 1), step):
+        yield start, min(step, count - start)
+
+
+def _line(file: BinaryIO, path: Path) -> bytes:
+    """The next line of numbers; empty at the end of the file."""
+    line = file.readline(_LONGEST_LINE)
+    if len(line) == _LONGEST_LINE and not line.endswith(b"\n"):
+        raise PointCloudFileError(str(path), "has a line that is too long")
+    return line
 
 
 def _typed(values: NDArray[np.float64], kind: _Property, path: Path) -> NDArray[np.generic]:
@@ -208,7 +266,7 @@ def _typed(values: NDArray[np.float64], kind: _Property, path: Path) -> NDArray[
     return values.astype(kind.type)
 
 
-def _cloud(columns: dict[str, NDArray[np.generic]], lasers: tuple[str, ...], path: Path) -> PointCloud:
+def _cloud(columns: _Columns, lasers: tuple[str, ...], path: Path, first: int) -> PointCloud:
     n = len(columns["x"])
 
     def floats(name: str, missing: float) -> NDArray[np.float32]:
@@ -229,7 +287,7 @@ def _cloud(columns: dict[str, NDArray[np.generic]], lasers: tuple[str, ...], pat
     points = np.column_stack([floats(name, 0.0) for name in "xyz"])
     bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
     if len(bad):
-        raise PointCloudFileError(str(path), f"vertex {bad[0]} has a position that is not finite")
+        raise PointCloudFileError(str(path), f"vertex {first + bad[0]} has a position that is not finite")
     normals = np.column_stack([floats(name, 0.0) for name in ("nx", "ny", "nz")])
     normals[~np.isfinite(normals).all(axis=1)] = 0.0
     colours = np.column_stack([colour(name) for name in ("red", "green", "blue")])

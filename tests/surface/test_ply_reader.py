@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from app.errors import PointCloudFileError
-from app.surface.ply import write_ply
-from app.surface.ply_reader import read_ply
+from app.surface.ply import ply_stream, write_ply
+from app.surface.ply_reader import PlyFile, read_ply
 
 XYZ = "property float x\nproperty float y\nproperty float z\n"
 
@@ -175,3 +175,27 @@ def test_no_damaged_byte_does_harm(tmp_path: Path, damage: list[tuple[int, int]]
         return
     assert np.isfinite(cloud.points).all()
     assert_allclose(len(cloud.colours), len(cloud.points))
+
+
+def test_a_text_file_without_end_of_line_or_with_empty_elements_is_refused_at_once(tmp_path: Path) -> None:
+    path = tmp_path / "endless.ply"
+    head = b"ply\nformat ascii 1.0\nelement nothing 999999999999999\nelement vertex 1\n"
+    path.write_bytes(head + b"property float x\nproperty float y\nproperty float z\nend_header\n")
+    with pytest.raises(PointCloudFileError, match="too short"):
+        read_ply(path)
+    path.write_bytes(path.read_bytes() + b"1" * 200_000)
+    with pytest.raises(PointCloudFileError, match="a line that is too long"):
+        read_ply(path)
+
+
+@pytest.mark.parametrize("ascii_text", [True, False])
+def test_pieces_put_together_are_the_whole_and_can_be_sent_on(tmp_path: Path, ascii_text: bool) -> None:
+    path = tmp_path / "cloud.ply"
+    write_ply(path, some_cloud(1000), ascii_text=ascii_text)
+    whole, file = read_ply(path), PlyFile.open(path)
+    assert (file.points, file.is_text, file.laser_names) == (1000, ascii_text, whole.laser_names)
+    pieces = list(file.pieces(300))
+    assert [len(piece) for piece in pieces] == [300, 300, 300, 100]
+    assert_array_equal(np.concatenate([piece.points for piece in pieces]), whole.points)
+    sent = b"".join(ply_stream(file.pieces(300), 1000, file.laser_names, ascii_text=ascii_text))
+    assert sent == path.read_bytes()
