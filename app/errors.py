@@ -5,6 +5,8 @@ command line ends with: 2 for input or circumstances that stopped the work, 1 fo
 computed but must not be trusted.
 """
 
+import math
+
 
 class ScannerError(Exception):
     """What a person is told; never raised itself."""
@@ -213,6 +215,13 @@ class BenchBusy(ScannerError):
     hint = "Wait until that job has ended, or cancel it."
 
 
+class JobRuns(ScannerError):
+    """A job that has not ended is not taken off the list."""
+
+    code = "job-runs"
+    hint = "Cancel it first."
+
+
 class BenchFileError(ScannerError):
     """The file that describes the bench cannot be used."""
 
@@ -229,3 +238,71 @@ class NotThere(ScannerError):
 
     code = "not-there"
     hint = "Ask for the list it should be in."
+
+
+class AccessFileError(ScannerError):
+    """The file that says who may use the server cannot be used; nobody is let in then."""
+
+    code = "access-file"
+    hint = "Remove the password with `turnscan password --remove`, and set a new one."
+
+    def __init__(self, where: str, problem: str, hint: str | None = None) -> None:
+        super().__init__(f"{where}: {problem}", hint)
+        self.where, self.problem = where, problem
+
+
+class NotLetIn(ScannerError):
+    """Somebody has to show who he is first."""
+
+    code = "not-logged-in"
+    hint = "Log in, or send a valid token."
+
+
+class WrongPassword(NotLetIn):
+    """It is not the one that is set."""
+
+    code = "wrong-password"
+    hint = "Try again; a new one is set with `turnscan password` where the server runs."
+
+    def __init__(self) -> None:
+        super().__init__("That is not the password.")
+
+
+class KeyRefused(NotLetIn):
+    """A one-time key that does not open, or not any more."""
+
+    code = "key-refused"
+    hint = "Log in with the password, or have the server show a new code."
+
+    def __init__(self) -> None:
+        super().__init__("This link has been used already, or is older than ten minutes.")
+
+
+class TooManyAttempts(ScannerError):
+    """Passwords are tried too fast."""
+
+    code = "too-many-attempts"
+
+    def __init__(self, wait_s: float) -> None:
+        wait = max(1, math.ceil(wait_s))
+        super().__init__(
+            "There were too many attempts to log in.", f"Try again in {wait} second{'s' * (wait > 1)}."
+        )
+        self.wait_s = wait
+
+
+class PasswordUnfit(ScannerError):
+    """A new password that protects too little."""
+
+    code = "password-unfit"
+    hint = "Choose another, or have one made with `turnscan password --new`."
+
+
+class NoPassword(ScannerError):
+    """Something needs a password, and none is set."""
+
+    code = "no-password"
+    hint = "Set one with `turnscan password`."
+
+    def __init__(self) -> None:
+        super().__init__("No password is set, so nobody logs in.")

@@ -10,23 +10,24 @@ from typing import BinaryIO
 from app.errors import OutputError
 
 
-def write_whole(path: Path, data: bytes, *, is_durable: bool = True) -> None:
+def write_whole(path: Path, data: bytes, *, is_durable: bool = True, mode: int | None = None) -> None:
     """Put the bytes at `path`; a reader sees the old file or the new one, never a part.
 
     Args:
         path: where to; its folder must exist.
         data: everything.
         is_durable: wait until the disk has it, so that it also survives a loss of power.
+        mode: who may read and write it; by default whoever the system lets.
 
     Raises:
         OutputError: the disk is full, the folder is missing or may not be written.
     """
-    with replacing(path, is_durable=is_durable) as file:
+    with replacing(path, is_durable=is_durable, mode=mode) as file:
         file.write(data)
 
 
 @contextmanager
-def replacing(path: Path, *, is_durable: bool = True) -> Iterator[BinaryIO]:
+def replacing(path: Path, *, is_durable: bool = True, mode: int | None = None) -> Iterator[BinaryIO]:
     """A file to write that takes the place of `path` when the block ends well, and vanishes otherwise.
 
     Raises:
@@ -41,7 +42,7 @@ def replacing(path: Path, *, is_durable: bool = True) -> Iterator[BinaryIO]:
             file.flush()
             if is_durable:
                 os.fsync(file.fileno())
-        beside.chmod(0o666 & ~_umask())
+        beside.chmod(0o666 & ~_umask() if mode is None else mode)
         beside.replace(path)
         beside = None
     except OSError as error:
