@@ -12,6 +12,7 @@ from fastapi.staticfiles import StaticFiles
 from starlette.requests import HTTPConnection
 
 from app import api
+from app.access.access import Access
 from app.api.guard import OwnPagesOnly, is_own
 from app.api.problems import answer_problems
 from app.api.scene import Scene
@@ -36,16 +37,19 @@ _POLICY = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'"
 _log = logging.getLogger(__name__)
 
 
-def create_app(settings: Settings, description: BenchDescription) -> FastAPI:
+def create_app(settings: Settings, description: BenchDescription, access: Access | None = None) -> FastAPI:
     """The application; devices are connected when it starts, and what is missing is said by `/bench`.
 
     Args:
         settings: see there.
         description: of the bench.
+        access: of the folder; opened here where nobody else needs it.
 
     Raises:
         OptionError, BenchFileError: the bench cannot be built.
+        AccessFileError: it is not clear who may use the server.
     """
+    access = access or Access.open(settings.folder)
     with ExitStack() as building:
         machine = building.enter_context(Bench.build(description))
         view = building.enter_context(CloudView())
@@ -65,6 +69,7 @@ def create_app(settings: Settings, description: BenchDescription) -> FastAPI:
             calibrations=CalibrationStore(settings.calibrations),
             live=pictures,
             scene=scene,
+            access=access,
             on_scan=lambda: scene.begin(tuple(machine.lasers)),
             on_profile=scene.add,
             on_scan_end=scene.finish,

@@ -7,6 +7,7 @@ from typing import Annotated, cast
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
+from app.access.access import Access
 from app.api.scene import Scene
 from app.calibration.record import CalibrationRecord
 from app.calibration.store import CalibrationStore
@@ -36,6 +37,7 @@ class Services:
     calibrations: CalibrationStore
     live: LivePictures
     scene: Scene
+    access: Access
     on_scan: Callable[[], None]
     on_profile: Callable[[Profile], None]
     on_scan_end: Callable[[], None]
@@ -55,7 +57,7 @@ class Services:
             )  # fmt: skip
 
 
-def _services(connection: HTTPConnection) -> Services:
+async def _services(connection: HTTPConnection) -> Services:
     return cast(Services, connection.app.state.services)
 
 
