@@ -2,14 +2,18 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from app.errors import OptionError
 from app.geometry.arrays import Floats, Points
 from app.geometry.transform import RigidTransform
+
+if TYPE_CHECKING:
+    # It takes half a second to import; only some objects need it.
+    from trimesh import Trimesh
 
 # A triangle larger than this bends visibly under the lens's distortion.
 _LONGEST_EDGE_MM = 12.0
@@ -70,9 +74,11 @@ class Mesh:
             all(m.is_closed for m in meshes),
         )
 
-    def as_trimesh(self) -> trimesh.Trimesh:
+    def as_trimesh(self) -> "Trimesh":
         """For writing as STL or PLY."""
-        return trimesh.Trimesh(self.vertices, self.faces, process=False)
+        from trimesh import Trimesh
+
+        return Trimesh(self.vertices, self.faces, process=False)
 
 
 def plain_mesh(vertices: Points, faces: NDArray[np.int32], albedo: Albedo, is_closed: bool = True) -> Mesh:
@@ -118,8 +124,10 @@ def smooth_normals(vertices: Points, faces: NDArray[np.int32]) -> Points:
     return normals
 
 
-def from_trimesh(surface: trimesh.Trimesh, albedo: Albedo, sharp_deg: float = 40.0) -> Mesh:
+def from_trimesh(surface: "Trimesh", albedo: Albedo, sharp_deg: float = 40.0) -> Mesh:
     """A mesh of one colour whose edges sharper than `sharp_deg` stay sharp, cut into small triangles."""
+    import trimesh
+
     cut, faces = trimesh.remesh.subdivide_to_size(
         surface.vertices, surface.faces, max_edge=_LONGEST_EDGE_MM, max_iter=20
     )
@@ -139,6 +147,8 @@ def load_mesh(path: Path, albedo: Albedo) -> Mesh:
     Raises:
         OptionError: the file is missing, holds no triangles or is not a mesh.
     """
+    import trimesh
+
     hint = "Name an STL, OBJ or PLY file with triangles, in millimetres."
     if not path.is_file():
         raise OptionError(f"There is no file {path}.", hint)

@@ -5,7 +5,6 @@ from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special
 
 from app.errors import OptionError
 from app.geometry.arrays import Floats
@@ -47,6 +46,8 @@ class Noise:
 @lru_cache(maxsize=1)
 def normal_levels() -> NDArray[np.float32]:
     """Quantiles of the standard normal distribution, one for each 16-bit number."""
+    from scipy import special  # a quarter of a second, and rarely wanted
+
     levels: NDArray[np.float32] = special.ndtri(_shares()).astype(np.float32)
     return levels
 
@@ -64,6 +65,8 @@ def speckle_levels(contrast: float) -> NDArray[np.float32]:
     """Quantiles of a gamma distribution of mean one and that contrast, one for each 16-bit number."""
     if contrast <= 0.0:
         return np.ones(_LEVELS, np.float32)
+    from scipy import special
+
     shape = 1.0 / contrast**2
     quantiles = special.gammaincinv(shape, _shares()) / shape
     levels: NDArray[np.float32] = (quantiles / quantiles.mean()).astype(np.float32)
@@ -93,6 +96,8 @@ def stripe_image(
     Returns:
         The pictures with the laser on and off, (H, width) each, clipped at 255.
     """
+    from scipy import special
+
     noise = noise or Noise.none()
     rng = np.random.default_rng(seed)
     centres = np.asarray(centres, np.float64)

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from app.errors import OptionError
 from app.geometry.transform import RigidTransform, rotation_about
@@ -63,7 +62,9 @@ def object_names() -> tuple[str, ...]:
 
 def sphere(radius_mm: float = 30.0) -> SimulatedObject:
     """A ball that touches the table; exact, whatever the triangles."""
-    ball = trimesh.creation.icosphere(subdivisions=5, radius=radius_mm)
+    from trimesh.creation import icosphere
+
+    ball = icosphere(subdivisions=5, radius=radius_mm)
     mesh = plain_mesh(ball.vertices, ball.faces, _PLASTER)
     mesh = standing_for(mesh, np.diag([1.0, 1.0, 1.0, -(radius_mm**2)]), np.ones(len(mesh.faces), np.bool_))
     up = RigidTransform(np.eye(3), np.array([0.0, 0.0, radius_mm]))
@@ -102,7 +103,9 @@ def cone(radius_mm: float = 30.0, height_mm: float = 60.0) -> SimulatedObject:
 
 def cube(side_mm: float = 45.0) -> SimulatedObject:
     """A cube with sharp edges: depth steps and flat faces."""
-    box = trimesh.creation.box((side_mm, side_mm, side_mm))
+    from trimesh import creation
+
+    box = creation.box((side_mm, side_mm, side_mm))
     turned = RigidTransform(rotation_about(np.array([0.0, 0.0, 1.0]), 0.3), np.array([0, 0, side_mm / 2]))
     return SimulatedObject("cube", from_trimesh(box, _CLAY).moved(turned), {"side_mm": side_mm})
 
@@ -132,6 +135,8 @@ def mug() -> SimulatedObject:
 
 def rabbit() -> SimulatedObject:
     """A sitting rabbit of rounded parts: something organic, with deep folds and thin ears."""
+    from trimesh.creation import icosphere
+
     parts = [
         ((0.0, 0.0, 23.2), (26.0, 20.0, 23.0), 0.0),
         ((20.0, 0.0, 48.0), (16.0, 13.0, 13.5), 0.2),
@@ -145,7 +150,7 @@ def rabbit() -> SimulatedObject:
     ]
     pieces = []
     for centre, half, pitch in parts:
-        ball = trimesh.creation.icosphere(subdivisions=4)
+        ball = icosphere(subdivisions=4)
         fur = 1.0 + 0.012 * np.sin(9.0 * ball.vertices[:, 0] + centre[0]) * np.sin(
             8.0 * ball.vertices[:, 1]
         ) * np.cos(7.0 * ball.vertices[:, 2])

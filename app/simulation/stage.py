@@ -66,6 +66,7 @@ class Stage:
         self.board = plan.board or fitting_board(self.scanner.rig)
         self.board.check()
         self._plan = plan
+        self._is_rehearsed = False
         self._lock = threading.Lock()
         self._renderers: OrderedDict[Hashable, Renderer] = OrderedDict()
         self._views: OrderedDict[Hashable, _Seen] = OrderedDict()
@@ -86,9 +87,12 @@ class Stage:
         )  # fmt: skip
 
     def rehearse(self) -> None:
-        """Compile and draw beforehand what the first picture would take long for."""
+        """Compile and draw beforehand what the first picture would take long for; once."""
+        if self._is_rehearsed:
+            return
         lasers = dict.fromkeys(self.scanner.sources, 1.0)
         self.picture(Moment("object", 0, None, 0.0, 1.0, lasers, 0), SensorSettings())
+        self._is_rehearsed = True
 
     def picture(self, moment: Moment, settings: SensorSettings) -> Image:
         """What the camera makes of a moment, (H, W, 3)."""

@@ -47,8 +47,6 @@ class SimulatedWorld:
         """
         self.plan = plan
         self.stage = Stage(plan)
-        # Nothing shall be late in a world that has begun.
-        self.stage.rehearse()
         self.clock = Clock(plan.rate)
         maker = FIRMWARES.maker(plan.dialect)
         self.plant = Plant(_wiring(plan, maker, tuple(self.stage.scanner.rig.lasers)))

@@ -57,6 +57,8 @@ class SimulatedCamera:
         )  # fmt: skip
 
     def connect(self) -> None:
+        # No picture shall be late once they come.
+        self.world.stage.rehearse()
         with self._changed:
             if self._is_unplugged:
                 raise DeviceNotFound("camera", "the simulated camera is unplugged")
