@@ -72,6 +72,13 @@ class PointCloudFileError(ScannerError):
         self.where, self.problem = where, problem
 
 
+class SurfaceError(ScannerError):
+    """A cloud cannot be cleaned, joined or made a surface."""
+
+    code = "surface"
+    hint = "Look at the cloud in the 3D view."
+
+
 class ReconstructionError(ScannerError):
     """The recording holds nothing that could be turned into points."""
 
