@@ -10,7 +10,7 @@ from app.registry import Registry
 
 
 class Step(BaseModel):
-    """A change of a cloud, with its settings; each kind names itself in `STEPS` and becomes a form in the page.
+    """A change of a cloud, with its settings; each kind registers itself and becomes a form in the page.
 
     Steps are pure: the same cloud and settings give the same result, so that a list of steps over the raw
     cloud is all that needs to be kept, and taking one back is leaving it out.

@@ -9,13 +9,13 @@ from app.geometry.cloud import PointCloud
 from app.surface.step import STEPS, document_of, parse_step
 
 
-@pytest.mark.parametrize("kind", STEPS)
+@pytest.mark.parametrize("kind", list(STEPS))
 def test_a_step_with_usual_settings_goes_to_json_and_back(kind: str) -> None:
     step = parse_step({"kind": kind})
     assert parse_step(document_of(step)) == step
 
 
-@pytest.mark.parametrize("kind", STEPS)
+@pytest.mark.parametrize("kind", list(STEPS))
 def test_an_empty_cloud_stays_empty(kind: str) -> None:
     assert len(parse_step({"kind": kind}).apply(PointCloud.empty())) == 0
 
