@@ -87,7 +87,9 @@ def _joint_outcome(
         excluded=camera.excluded,
         on_step=lambda step, cost: on_progress("Adjusting everything together", step, None),
     )
-    doubts = list(camera.doubts)
+    # Where only the table was looked at, only the table matters, and the expected error tells of that.
+    is_about_table = found.has_axis and all(view.is_on_table for view in evidence.views)
+    doubts = [] if is_about_table else list(camera.doubts)
     if found.has_axis and found.expected_error_mm > _TOLERATED_MM:
         doubts.append(
             f"The views leave {found.expected_error_mm:.2f} mm of doubt at the object: add views of the "

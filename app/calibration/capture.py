@@ -12,6 +12,7 @@ from app.calibration.capture_camera import STAGE, CameraLimits, capture_camera_v
 from app.calibration.capture_events import Ask, CaptureEvent, EventKind, Request, Task, Watch
 from app.calibration.capture_session import CaptureSession
 from app.calibration.capture_table import Span, TableCapture
+from app.calibration.struck import Struck
 from app.devices.bench import Bench
 from app.errors import (
     CalibrationError,
@@ -21,6 +22,7 @@ from app.errors import (
     OptionError,
     PositionUnknown,
 )
+from app.recording.journal import JOURNAL_FILE, MANIFEST_FILE
 from app.recording.reader import Recording
 from app.vision.board import BoardSpec
 
@@ -34,6 +36,10 @@ _PLACES = (
     "Stand the board on the table, facing the camera, a few centimetres before the middle.",
     "Stand the board in another place: a few centimetres behind the middle, facing the camera.",
 )
+_BEFORE_LASERS = (
+    "Put the board where the lasers will cross it, each time nearer, further or turned otherwise, and keep "
+    "it still."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +48,7 @@ class CapturePlan:
 
     Attributes:
         with_camera: views of a board that is held by hand; not where the camera is known.
+        laser_poses: of a board that is put anywhere before the lasers, each when somebody says so.
         placements: of the board on the table.
         with_proof: pictures that the calibration does not use, to try it on.
         with_empty_table: the table alone, which tells how high it is; needless where markers lie on it.
@@ -50,6 +57,7 @@ class CapturePlan:
     """
 
     with_camera: bool = True
+    laser_poses: int = 0
     placements: int = 2
     with_proof: bool = True
     with_empty_table: bool = True
@@ -72,7 +80,7 @@ class Captured:
 
 def capture(
     bench: Bench, folder: Path, board: BoardSpec, ask: Ask, watch: Watch, plan: CapturePlan, *,
-    resumes: bool = False,
+    resumes: bool = False, struck: Struck | None = None,
 ) -> Captured:  # fmt: skip
     """Take everything; on every way out the bench is safe and what was taken is kept.
 
@@ -84,6 +92,7 @@ def capture(
         watch: told how it goes, in this thread.
         plan: see there.
         resumes: go on with the recording that is in the folder.
+        struck: views of it that are left out, where somebody else decides about them, too.
 
     Raises:
         OptionError: this bench cannot be calibrated so.
@@ -91,19 +100,21 @@ def capture(
         DeviceError: a device failed and did not come back.
         OutputError: the disk is full.
     """
-    _check(bench)
+    _check(bench, plan)
     begin = CaptureSession.resume if resumes else CaptureSession.create
-    session = begin(folder, bench, board)
+    session = begin(folder, bench, board, struck)
     try:
         with bench.lease("a calibration"):
             proof = _Run(bench, session, ask, watch, plan).all()
-        return Captured(session.finish(), proof)
+        return Captured(session.struck.kept(session.finish()), proof)
     except BaseException:
         session.suspend()
         raise
 
 
-def _check(bench: Bench) -> None:
+def _check(bench: Bench, plan: CapturePlan) -> None:
+    if plan.placements == 0 and plan.laser_poses == 0:
+        return
     if bench.turntable.facts.turns_by_itself:
         raise OptionError(
             "This table turns by itself and cannot stop for the pictures of a calibration.",
@@ -126,6 +137,8 @@ class _Run:
         """Every stage that is wanted and not there yet; the proof."""
         if self.plan.with_camera and self.session.next_pose == 0:
             self._camera_views()
+        while self.session.laser_poses < self.plan.laser_poses:
+            self._laser_pose()
         standing: Span | None = None
         while self.session.placements < self.plan.placements:
             standing = self._placement(self.session, "board", self.session.placements)
@@ -135,16 +148,28 @@ class _Run:
         return proof
 
     def _camera_views(self) -> None:
-        goals = self.session.goals()
-        if not goals.wanted:
+        views = self.session.views()
+        if views.goals.wish is None:
             return
         words = (
             "Hold the board before the camera, all of it in the picture. Pictures are taken by themselves."
         )
         self.ask(Request(Task.HOLD_BOARD, 0, words))
         self._persist(
-            lambda: capture_camera_views(self.bench, self.session, goals, self.watch, self.plan.limits)
+            lambda: capture_camera_views(self.bench, self.session, views, self.watch, self.plan.limits)
         )
+
+    def _laser_pose(self) -> None:
+        """One more pose of the board before the lasers; asked for again until it is seen."""
+        self._stage, problem = "lasers", ""
+        there, wanted = self.session.laser_poses, self.plan.laser_poses
+        table = TableCapture(self.bench, self.session, self.watch, self._stage)
+        while self.session.laser_poses == there:
+            self.ask(Request(Task.SHOW_LASERS, there, f"{problem} {_BEFORE_LASERS}".strip()))
+            try:
+                self._persist(lambda: table.take_pose(self.session.next_pose, (there + 1) / wanted))
+            except CalibrationError as error:
+                problem = f"{error.message} {error.hint}"
 
     def _placement(self, session: CaptureSession, stage: str, number: int) -> Span:
         """The board stood on the table and photographed; where it was seen."""
@@ -166,6 +191,8 @@ class _Run:
         """Pictures at other angles than those before, where the board still stands."""
         self._stage = PROOF_FOLDER
         folder = self.session.folder / PROOF_FOLDER
+        if (folder / MANIFEST_FILE).is_file() and not (folder / JOURNAL_FILE).is_file():
+            return Recording.open(folder)
         begin = CaptureSession.resume if CaptureSession.is_begun(folder) else CaptureSession.create
         session = begin(folder, self.bench, self.session.board)
         try:

@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from app.calibration.capture_events import CaptureEvent, EventKind, Watch
 from app.calibration.capture_goals import ENOUGH_VIEWS, Goals, Stance
 from app.calibration.capture_session import CaptureSession
+from app.calibration.capture_views import CameraViews
 from app.devices.bench import Bench
 from app.devices.frame import Frame, Use
 from app.errors import CalibrationError
@@ -32,22 +33,25 @@ class CameraLimits:
         views: at most so many.
         seconds: at most so long.
         is_enough: asked between pictures; True ends it as if the time were over.
+        is_wanted: asked between pictures; True takes the next one that shows the whole board, whatever it
+            adds.
     """
 
     views: int = 40
     seconds: float = 300.0
     is_enough: Callable[[], bool] = field(default=lambda: False)
+    is_wanted: Callable[[], bool] = field(default=lambda: False)
 
 
 def capture_camera_views(
-    bench: Bench, session: CaptureSession, goals: Goals, watch: Watch, limits: CameraLimits
+    bench: Bench, session: CaptureSession, views: CameraViews, watch: Watch, limits: CameraLimits
 ) -> None:
     """Take a view whenever the whole board stands still and adds something, until the goals are reached.
 
     Args:
         bench: leased by the caller, connected.
         session: where the pictures go.
-        goals: what there is already; added to.
+        views: what there is already; added to.
         watch: told of every picture of the camera.
         limits: see there.
 
@@ -58,25 +62,34 @@ def capture_camera_views(
     ends_s = time.monotonic() + limits.seconds
     bench.camera.prepare(Use.BOARD)
     before: BoardObservation | None = None
-    told = ""
+    told, is_wanted = "", False
     after_s = time.monotonic()
-    while goals.wanted and len(goals.stances) < limits.views:
+    while (goals := views.goals).wish is not None and len(goals.stances) < limits.views:
         if time.monotonic() > ends_s or limits.is_enough():
             _refuse_few(goals)
             return
         if goals.wanted != told:
             told = goals.wanted
-            watch(_event(EventKind.WANTED, told, goals, _EMPTY))
+            watch(replace(_event(EventKind.WANTED, told, goals, _EMPTY), wish=goals.wish))
         frame = bench.camera.fresh_frame(after_s=after_s)
         # Begun after the one before, so that two pictures show whether it moves.
         after_s = frame.exposed_s + 1e-6
         seen = whole_board(frame, session.board)
         kind, words = _judged(seen, before, goals)
-        if kind is EventKind.TAKEN:
-            session.record(frame, Role.INTRINSICS)
-            goals.add(Stance.of(seen, goals.size))
+        is_wanted = is_wanted or limits.is_wanted()
+        if is_wanted and kind in (EventKind.MOVING, EventKind.SEEN):
+            kind, words = EventKind.TAKEN, "as asked for"
         before = seen
-        watch(_event(kind, words, goals, seen.corners))
+        if kind is not EventKind.TAKEN:
+            watch(_event(kind, words, goals, seen.corners))
+            continue
+        is_wanted = False
+        number = session.record(frame, Role.INTRINSICS, seen=seen)
+        views.add(number, seen)
+        watch(replace(_event(kind, words, views.goals, seen.corners), view=number))
+        rms_px = views.rate()
+        if rms_px:
+            watch(replace(_event(EventKind.RATED, words, views.goals, seen.corners), rms_px=rms_px))
 
 
 def whole_board(frame: Frame, board: BoardSpec) -> BoardObservation:
@@ -107,7 +120,7 @@ def _refuse_few(goals: Goals) -> None:
     if len(goals.stances) < _FEWEST_VIEWS:
         raise CalibrationError(
             f"Only {len(goals.stances)} views of the board were taken; {ENOUGH_VIEWS} or more are wanted.",
-            f"Go on, and {goals.wanted}.",
+            f"Go on, and {goals.wanted or 'show the board'}.",
         )
 
 

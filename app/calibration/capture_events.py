@@ -1,10 +1,11 @@
 """What is said while calibration pictures are taken, and what a person is asked to do."""
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import TypeAlias
 
+from app.calibration.capture_goals import Wish
 from app.geometry.arrays import Pixels
 from app.simulation.world import SimulatedWorld
 
@@ -20,6 +21,7 @@ class EventKind(StrEnum):
     TURNING = "turning"
     WAITING = "waiting"
     GOING_ON = "going-on"
+    RATED = "rated"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -29,12 +31,16 @@ class CaptureEvent:
     Attributes:
         kind: `unseen`, `moving` and `seen` (it stands still, but adds nothing) tell of one picture of the
             camera, `taken` of one that was kept, `wanted` what to do next, `turning` that the table looks
-            for the board, `waiting` and `going-on` that a device has gone and come back.
+            for the board, `waiting` and `going-on` that a device has gone and come back, `rated` that the
+            camera's views were compared with each other.
         words: a sentence or the end of one.
         stage: camera, board, proof or table.
         done: how much of the stage is done, 0..1.
         pictures: how many are on disk in this stage.
         corners: (N, 2) px where the board was seen; empty where it was not.
+        view: number of the view that was taken, as `Struck` counts; None for none.
+        wish: of `wanted`, what to do next.
+        rms_px: of `rated`, how well each view of the camera fits, by number.
     """
 
     kind: EventKind
@@ -43,6 +49,9 @@ class CaptureEvent:
     done: float
     pictures: int
     corners: Pixels
+    view: int | None = None
+    wish: Wish | None = None
+    rms_px: Mapping[int, float] = field(default_factory=dict)
 
 
 Watch: TypeAlias = Callable[[CaptureEvent], None]
@@ -53,6 +62,7 @@ class Task(StrEnum):
     """What only a person can do."""
 
     HOLD_BOARD = "hold-board"
+    SHOW_LASERS = "show-lasers"
     PLACE_BOARD = "place-board"
     CLEAR_TABLE = "clear-table"
 
@@ -82,7 +92,7 @@ def simulated_hands(world: SimulatedWorld) -> Ask:
     def do(request: Request) -> None:
         if request.task is Task.HOLD_BOARD:
             world.hold_board()
-        elif request.task is Task.PLACE_BOARD:
+        elif request.task in (Task.PLACE_BOARD, Task.SHOW_LASERS):
             world.place_board(request.number)
         else:
             world.put("nothing")

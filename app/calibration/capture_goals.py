@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.calibration.coverage import Coverage
 from app.calibration.poses import board_pose
@@ -36,6 +37,23 @@ def usual_camera(size: tuple[int, int]) -> CameraIntrinsics:
     focal = _USUAL_FOCAL_WIDTHS * max(size)
     matrix = np.array([[focal, 0.0, width / 2.0], [0.0, focal, height / 2.0], [0.0, 0.0, 1.0]])
     return CameraIntrinsics(matrix, np.zeros(5), size)
+
+
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """What a person should do next with the board.
+
+    Attributes:
+        code: for translation: `show-board`, `tilt-top`, `tilt-bottom`, `tilt-left`, `tilt-right` (that side
+            away from the camera), `move-left`, `move-top-right` and so on, `move-nearer`, `move-further` or
+            `another-way`.
+        words: the same, as the end of a sentence.
+        target: where in the picture the board should go, 0..1 from its top left corner; None for anywhere.
+    """
+
+    code: str
+    words: str
+    target: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -123,23 +141,31 @@ class Goals:
     @property
     def wanted(self) -> str:
         """What to do next, in words; empty when the views are enough."""
+        wish = self.wish
+        return "" if wish is None else wish.words
+
+    @property
+    def wish(self) -> Wish | None:
+        """What to do next; None when the views are enough."""
         if not self.stances:
-            return "show the whole board to the camera, and hold it still for a moment"
+            words = "show the whole board to the camera, and hold it still for a moment"
+            return Wish("show-board", words, (0.5, 0.5))
         missing = [side for side, _ in _TILTS if side not in self._tilts]
         # Two tilts first: without them nothing else is worth much.
         if len(missing) > 2:
-            return f"tilt the {missing[0]} of the board away from the camera"
+            return _tilt(missing[0])
         if self._coverage.share < _ENOUGH_COVERAGE:
-            return f"bring the board to the {self._emptiest} of the picture"
+            return self._to_the_emptiest()
         if missing:
-            return f"tilt the {missing[0]} of the board away from the camera"
+            return _tilt(missing[0])
         if self._distances_ratio < _ENOUGH_DISTANCES:
             sizes = [float(np.ptp(stance.corners[:, 0])) for stance in self.stances]
-            is_small = float(np.median(sizes)) < 0.5 * self.size[0]
-            return f"hold the board {'nearer to' if is_small else 'further from'} the camera"
+            if float(np.median(sizes)) < 0.5 * self.size[0]:
+                return Wish("move-nearer", "hold the board nearer to the camera")
+            return Wish("move-further", "hold the board further from the camera")
         if len(self.stances) < ENOUGH_VIEWS:
-            return "hold the board another way: other place, other tilt"
-        return ""
+            return Wish("another-way", "hold the board another way: other place, other tilt")
+        return None
 
     @property
     def done(self) -> float:
@@ -158,6 +184,11 @@ class Goals:
         return self._coverage.share
 
     @property
+    def counts(self) -> NDArray[np.intp]:
+        """(rows, columns) corners in each cell of a coarse grid over the picture."""
+        return self._coverage.counts
+
+    @property
     def _coverage(self) -> Coverage:
         return _coverage(self.stances, self.size)
 
@@ -170,12 +201,11 @@ class Goals:
         distances = [stance.distance for stance in self.stances]
         return max(distances) / min(distances) if distances else 1.0
 
-    @property
-    def _emptiest(self) -> str:
-        """The ninth of the picture with the largest share of cells without a corner."""
+    def _to_the_emptiest(self) -> Wish:
+        """Into the ninth of the picture with the largest share of cells without a corner."""
         empty = self._coverage.counts == 0
         rows, columns = empty.shape
-        most, name = -1.0, ""
+        most, wish = -1.0, Wish("another-way", "hold the board another way")
         for row, names in enumerate(_THIRDS):
             for column, third in enumerate(names):
                 part = empty[
@@ -183,8 +213,23 @@ class Goals:
                     columns * column // 3 : max(columns * (column + 1) // 3, columns * column // 3 + 1),
                 ]
                 if float(np.mean(part)) > most:
-                    most, name = float(np.mean(part)), third
-        return name
+                    most = float(np.mean(part))
+                    target = (2 * column + 1) / 6.0, (2 * row + 1) / 6.0
+                    wish = Wish(
+                        f"move-{_code(third)}", f"bring the board to the {third} of the picture", target
+                    )
+        return wish
+
+
+def _tilt(side: str) -> Wish:
+    return Wish(f"tilt-{_code(side)}", f"tilt the {side} of the board away from the camera")
+
+
+def _code(place: str) -> str:
+    """`top left corner` as `top-left`, `left side` as `left`."""
+    for end in (" corner", " edge", " side"):
+        place = place.removesuffix(end)
+    return place.replace(" ", "-")
 
 
 def _coverage(stances: Sequence[Stance], size: tuple[int, int]) -> Coverage:

@@ -15,7 +15,7 @@ from app.devices.frame import Frame, Use
 from app.errors import CalibrationError
 from app.geometry.arrays import Pixels
 from app.recording.shot import Role
-from app.vision.board import BoardObservation
+from app.vision.board import BoardObservation, detect_board
 
 _SEARCH_DEG, _STEP_DEG = 20.0, 15.0
 _FURTHEST_DEG = 60.0
@@ -100,14 +100,39 @@ class TableCapture:
             DeviceError: a device failed; the lasers are off, and what was taken is on disk.
         """
         for number, angle_deg in enumerate(span.angles_deg, start=1):
-            reached_deg = self._turn(angle_deg)
-            for lasers in ((), *((name,) for name in self.bench.lasers)):
-                frame = self.photograph(lasers, span.use)
-                self.session.record(frame, Role.AXIS, lasers, reached_deg, pose)
-            self._tell(
-                EventKind.TAKEN, f"{reached_deg:.0f} degrees, {number} of {len(span.angles_deg)}",
-                number / len(span.angles_deg), _EMPTY,
-            )  # fmt: skip
+            reached_deg, stops = self._turn(angle_deg), len(span.angles_deg)
+            words = f"{reached_deg:.0f} degrees, {number} of {stops}"
+            self._take_view(Role.AXIS, span.use, pose, reached_deg, words, number / stops)
+
+    def take_pose(self, pose: int, done: float) -> None:
+        """The board where it stands or is held now, without light and with each laser; the table stays.
+
+        Raises:
+            CalibrationError: the whole board is not in the picture.
+            DeviceError: a device failed.
+        """
+        settings = self.bench.camera.settings
+        is_one = settings.get(Use.LASER) == settings.get(Use.BOARD)
+        for use in (Use.LASER,) if is_one else (Use.LASER, Use.BOARD):
+            if whole_board(self.photograph((), use), self.session.board).is_found:
+                self._take_view(Role.LASER_PLANE, use, pose, None, f"pose {pose + 1}", done)
+                return
+        raise CalibrationError(
+            "The whole board is not in the picture.", "Move it until all of it is seen, and try again."
+        )
+
+    def _take_view(
+        self, role: Role, use: Use, pose: int, angle_deg: float | None, words: str, done: float
+    ) -> None:
+        dark = self.photograph((), use)
+        seen = detect_board(dark.image(), self.session.board)
+        view = self.session.record(dark, role, (), angle_deg, pose, seen)
+        for name in self.bench.lasers:
+            self.session.record(self.photograph((name,), use), role, (name,), angle_deg, pose)
+        event = CaptureEvent(
+            EventKind.TAKEN, words, self.stage, done, self.session.pictures, seen.corners, view
+        )  # fmt: skip
+        self.watch(event)
 
     def take_empty(self, angles_deg: Sequence[float]) -> None:
         """The table without anything on it, every laser at every stop: it shows how high the table is."""

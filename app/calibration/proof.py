@@ -33,6 +33,11 @@ class Verdict(StrEnum):
     FAIR = "fair"
     BAD = "bad"
 
+    @property
+    def level(self) -> str:
+        """As a traffic light: green, amber or red."""
+        return {Verdict.GOOD: "green", Verdict.FAIR: "amber", Verdict.BAD: "red"}[self]
+
 
 @dataclass(frozen=True, slots=True)
 class ProofFinding:
@@ -43,14 +48,24 @@ class ProofFinding:
         value_mm: it; never negative.
         verdict: what it is worth.
         words: what was found, one sentence.
-        advice: the likely cause and what to do; empty where it is good.
+        cause: what it probably comes from; empty where it is good.
+        remedy: what to do about it; empty where it is good.
+        good_mm, fair_mm: up to where such a number is good and fair.
     """
 
     name: str
     value_mm: float
     verdict: Verdict
     words: str
-    advice: str
+    cause: str
+    remedy: str
+    good_mm: float
+    fair_mm: float
+
+    @property
+    def advice(self) -> str:
+        """Cause and remedy in one; empty where it is good."""
+        return f"{self.cause}: {self.remedy}." if self.cause else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +92,21 @@ class Proof:
         """What a calibration file keeps of it."""
         return {
             "verdict": self.verdict.value,
+            "level": self.verdict.level,
             "stops": self.stops,
             "points": self.points,
             "findings": [
-                {"name": f.name, "value_mm": f.value_mm, "verdict": f.verdict.value, "words": f.words}
+                {
+                    "name": f.name,
+                    "value_mm": f.value_mm,
+                    "verdict": f.verdict.value,
+                    "level": f.verdict.level,
+                    "words": f.words,
+                    "cause": f.cause,
+                    "remedy": f.remedy,
+                    "good_mm": f.good_mm,
+                    "fair_mm": f.fair_mm,
+                }
                 for f in self.findings
                 if np.isfinite(f.value_mm)
             ],
@@ -89,48 +115,55 @@ class Proof:
 
 @dataclass(frozen=True, slots=True)
 class _Scale:
-    """Up to where a number is good and fair, mm, and what to say where it is neither."""
+    """Up to where a number is good and fair, mm, and what to say where it is not good."""
 
     good_mm: float
     fair_mm: float
-    advice: str
+    cause: str
+    remedy: str
 
 
 _SCALES = {
     "expected": _Scale(
         0.1, 0.3,
-        "The views leave too much open: calibrate again with the board nearer to the camera, more tilted "
-        "views, and the two places on the table further apart.",
+        "The views leave too much open",
+        "calibrate again with the board nearer to the camera, more tilted views, and the two places on the "
+        "table further apart",
     ),
     "surface": _Scale(
         0.15, 0.5,
-        "The board is not flat, or stripes are blurred or too bright: glue the board to glass or a stiff "
-        "plate, and run `turnscan doctor`, which judges focus and exposure.",
+        "The board is not flat, or stripes are blurred or too bright",
+        "glue the board to glass or a stiff plate, and run `turnscan doctor`, which judges focus and "
+        "exposure",
     ),
     "size": _Scale(
         0.1, 0.3,
         "Camera, lens or laser moved while the pictures were taken, autofocus is on, or the room is too "
-        "bright to see the stripes well: fix everything in place, switch autofocus off and calibrate again.",
+        "bright to see the stripes well",
+        "fix everything in place, switch autofocus off and calibrate again",
     ),
     "axis": _Scale(
         0.1, 0.3,
-        "The axis is not where it was calibrated: the camera or the table was moved since, or the board slid "
-        "while the table turned. Fix both in place, stick the board down, and calibrate again.",
+        "The axis is not where it was calibrated, because the camera or the table was moved since, or the "
+        "board slid while the table turned",
+        "fix both in place, stick the board down, and calibrate again",
     ),
     "wobble": _Scale(
         0.1, 0.3,
-        "The board slid or swayed on the table, the table is loose on its axis, or the camera is not fixed: "
-        "stick the board down, tighten the table, and calibrate again.",
+        "The board slid or swayed on the table, the table is loose on its axis, or the camera is not fixed",
+        "stick the board down, tighten the table, and calibrate again",
     ),
     "turning": _Scale(
         0.1, 0.3,
-        "The table does not turn as far as it is told: lost steps, play in the gear, or a wrong number of "
-        "steps per turn. `turnscan doctor` measures which.",
+        "The table does not turn as far as it is told, because of lost steps, play in the gear, or a wrong "
+        "number of steps per turn",
+        "run `turnscan doctor`, which measures which",
     ),
     "lasers": _Scale(
         0.1, 0.3,
-        "The lasers do not meet on the same surface: one of them has moved since the calibration, or its "
-        "stripe is too bright or too dim. Fix it in place, and calibrate again.",
+        "The lasers do not meet on the same surface, because one of them has moved since the calibration, or "
+        "its stripe is too bright or too dim",
+        "fix it in place, and calibrate again",
     ),
 }  # fmt: skip
 
@@ -320,7 +353,8 @@ def _lasers(scanned: Mapping[str, Points], plane: LaserPlane) -> list[ProofFindi
 
 def _finding(name: str, value_mm: float, words: str) -> ProofFinding:
     scale = _SCALES[name]
+    limits = scale.good_mm, scale.fair_mm
     if value_mm <= scale.good_mm:
-        return ProofFinding(name, value_mm, Verdict.GOOD, words, "")
+        return ProofFinding(name, value_mm, Verdict.GOOD, words, "", "", *limits)
     verdict = Verdict.FAIR if value_mm <= scale.fair_mm else Verdict.BAD
-    return ProofFinding(name, value_mm, verdict, words, scale.advice)
+    return ProofFinding(name, value_mm, verdict, words, scale.cause, scale.remedy, *limits)

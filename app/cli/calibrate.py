@@ -13,10 +13,11 @@ from app.calibration.outcome import CalibrationOutcome
 from app.calibration.plan import CalibrationPlan
 from app.calibration.report import check_report_name, report_lines, write_report
 from app.calibration.store import STORE, CalibrationStore
-from app.cli.calibrate_bench import BenchCalibration, show_proof, with_findings
+from app.cli.calibrate_bench import BenchCalibration, show_proof
 from app.cli.console import check_output, progress_bar, say, warn
-from app.cli.table_height import with_table
 from app.errors import OptionError
+from app.jobs.calibrate_solve import with_findings
+from app.jobs.table_height import with_table
 from app.recording.reader import Recording
 from app.vision.stripe import STRIPE_DETECTORS, StripeDetector
 

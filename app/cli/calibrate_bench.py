@@ -1,7 +1,7 @@
 """`turnscan calibrate --bench`: takes the pictures, calibrates, and tries the calibration on the board."""
 
 import contextlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -10,19 +10,17 @@ from rich.table import Table
 from app.calibration.capture import Captured, CapturePlan, capture
 from app.calibration.capture_events import CaptureEvent, EventKind, Request, Task, simulated_hands
 from app.calibration.capture_session import CaptureSession
-from app.calibration.capture_solve import calibrate_captured
 from app.calibration.outcome import CalibrationOutcome
 from app.calibration.plan import CalibrationPlan
-from app.calibration.proof import Proof, Verdict, prove
+from app.calibration.proof import Proof, Verdict
 from app.calibration.store import STORE
-from app.calibration.views import Evidence, gather
 from app.cli.bench import bench_description
 from app.cli.console import ShowProgress, console, progress_bar, say
 from app.cli.orderly import orderly
-from app.cli.table_height import with_table
 from app.cli.words import board_from
 from app.devices.bench import Bench
-from app.errors import BenchFileError, CalibrationError, OptionError, PositionUnknown
+from app.errors import BenchFileError, OptionError, PositionUnknown
+from app.jobs.calibrate_solve import solve_captured
 from app.recording.reader import Recording
 from app.vision.board import BoardSpec
 from app.vision.stripe import StripeDetector
@@ -114,35 +112,7 @@ class BenchCalibration:
 
     def _solved(self, captured: Captured) -> tuple[CalibrationOutcome, Proof | None]:
         with progress_bar() as show:
-            outcome = calibrate_captured(captured.recording, self.detector, self.plan, show)
-            outcome = replace(outcome, record=with_table(outcome.record, [captured.recording], show))
-            if captured.proof is None:
-                return outcome, None
-            try:
-                proof = prove(self._evidence(captured.proof, show), outcome.record)
-            except CalibrationError as error:
-                doubt = f"The calibration could not be proved. {error.message} {error.hint}"
-                return replace(outcome, doubts=(*outcome.doubts, doubt)), None
-        extra = {**outcome.record.extra, "proof": proof.as_json()}
-        bad = tuple(f"{f.words} {f.advice}" for f in proof.findings if f.verdict is Verdict.BAD)
-        record = replace(outcome.record, extra=extra)
-        return replace(outcome, record=record, doubts=outcome.doubts + bad), proof
-
-    def _evidence(self, recording: Recording, show: ShowProgress) -> Evidence:
-        return gather(
-            [recording], self.detector, lambda done, total: show("Proving it", done, total),
-            skips_bad_frames=True,
-        )  # fmt: skip
-
-
-def with_findings(outcome: CalibrationOutcome, proof: Proof | None) -> CalibrationOutcome:
-    """The outcome with what the proof found among its notes, for the report."""
-    if proof is None:
-        return outcome
-    said = tuple(
-        f"Proof, {f.verdict.value}: {f.words}" for f in proof.findings if f.verdict is not Verdict.BAD
-    )
-    return replace(outcome, notes=(*said, *outcome.notes))
+            return solve_captured(captured, self.detector, self.plan, show)
 
 
 def show_proof(proof: Proof) -> None:

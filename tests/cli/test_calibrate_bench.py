@@ -84,15 +84,17 @@ def test_a_calibration_whose_proof_is_bad_is_kept_and_not_trusted(
     assert calibrated.code == 0, calibrated.said
     pictures = Recording.open(folder / "pictures")
     lost = Captured(pictures, Recording.open(pictures.folder / "proof"))
-    finding = ProofFinding("turning", 0.9, Verdict.BAD, "It turns too far.", "Look at the steps per turn.")
+    finding = ProofFinding(
+        "turning", 0.9, Verdict.BAD, "It turns too far.", "The steps are wrong", "look at them", 0.1, 0.3
+    )
     monkeypatch.setattr("app.cli.calibrate_bench.capture", lambda *args, **options: lost)
-    monkeypatch.setattr("app.cli.calibrate_bench.prove", lambda *args: Proof((finding,), 5, 100))
+    monkeypatch.setattr("app.jobs.calibrate_solve.prove", lambda *args: Proof((finding,), 5, 100))
     outcome = turnscan(
         "calibrate", "--bench", folder / "bench.toml", tmp_path / "pictures", "-o", tmp_path / "rig.json",
         "--camera", folder / "camera.json",
     )  # fmt: skip
     assert outcome.code == 1, outcome.said
-    assert "Do not trust this result: It turns too far. Look at the steps per turn." in outcome.said
+    assert "Do not trust this result: It turns too far. The steps are wrong: look at them." in outcome.said
     assert CalibrationRecord.load(tmp_path / "rig.json").extra["proof"]["verdict"] == "bad"
 
 

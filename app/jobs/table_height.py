@@ -1,12 +1,12 @@
 """The table's height for a calibration that knows the axis only: from a few stops of a scan."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
 from app.calibration.record import CalibrationRecord
-from app.cli.console import ShowProgress
 from app.errors import ScannerError
 from app.geometry.axis import TurntableAxis
 from app.recording.manifest import FrameEntry
@@ -19,9 +19,12 @@ from app.scanning.sources import reconstruct_recording, scan_detector
 _STOPS = 36
 _STAGE = "Looking for the table"
 
+OnProgress: TypeAlias = Callable[[str, int, int | None], None]
+"""Told the stage, how much of it is done and, where known, of how much."""
+
 
 def with_table(
-    record: CalibrationRecord, recordings: Sequence[Recording], show: ShowProgress
+    record: CalibrationRecord, recordings: Sequence[Recording], show: OnProgress
 ) -> CalibrationRecord:
     """The record with the table's plane, where it is unknown and a recording shows the table.
 
@@ -60,7 +63,7 @@ def _as_scan(entry: FrameEntry) -> FrameEntry:
     return entry.model_copy(update={"role": Role.SCAN if entry.lasers_on else Role.TEXTURE})
 
 
-def _height(record: CalibrationRecord, recording: Recording, show: ShowProgress) -> float:
+def _height(record: CalibrationRecord, recording: Recording, show: OnProgress) -> float:
     rig = record.rig
     options = ReconstructionOptions(above_mm=float("-inf"), with_colour=False, skips_bad_frames=True)
     points = [np.zeros((0, 3), np.float32)]
