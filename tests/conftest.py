@@ -2,6 +2,9 @@
 
 from pathlib import Path
 
+import steady_time  # noqa: F401 (before whatever keeps time)
+
+# isort: split
 import pytest
 from hypothesis import settings
 

@@ -18,6 +18,8 @@ from app.vision.stripe import Image, LaserStripe, LaserView
 _PICTURE_S = 5.0
 _UNTOLD_S = 0.5
 _LIT_SHARE, _BACK_SHARE = 0.05, 0.5
+# Two stripes in a row that lie closer than this are one.
+_SAME_PX = 8.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -124,12 +126,20 @@ class Examination:
 
 
 def brings_light(lit: Image, dark: Image, entry: LaserEntry) -> bool:
-    """Whether there is a stripe in one picture more than in the other.
-
-    The speckle of a laser that is on in both makes a stripe of their difference, whichever way it is taken.
-    """
-    more, less = len(stripe_of(lit, dark, entry)), len(stripe_of(dark, lit, entry))
+    """Whether there is a stripe in one picture more than in the other."""
+    more, less = _new_rows(lit, dark, entry), _new_rows(dark, lit, entry)
     return more >= _LIT_SHARE * len(lit) and less < _BACK_SHARE * more
+
+
+def _new_rows(image: Image, before: Image, entry: LaserEntry) -> int:
+    """In how many rows a stripe has come where there was none.
+
+    The speckle of a laser that is on in both makes a stripe of their difference, where it was before.
+    """
+    come, there = stripe_of(image, before, entry), stripe_of(before, None, entry)
+    _, ours, theirs = np.intersect1d(come.line, there.line, return_indices=True)
+    apart_px = np.abs(come.pixels[ours, 0] - there.pixels[theirs, 0])
+    return len(come) - int(np.count_nonzero(apart_px < _SAME_PX))
 
 
 def stripe_of(lit: Image, dark: Image | None, entry: LaserEntry) -> LaserStripe:

@@ -18,7 +18,7 @@ LOOKING = ("lasers", "picture")
 
 
 def test_a_laser_that_does_not_go_out_is_named(tmp_path: Path) -> None:
-    # Not so fast that a busy machine lets the firmware's laser timer run out.
+    # Not so fast that the firmware's laser timer runs out meanwhile.
     stuck = obey(lambda channel, is_on: channel != 1 or is_on)
     report = report_of(described(rate=8.0), tmp_path, LOOKING, stuck)
 
