@@ -113,6 +113,20 @@ class ScanBusy(LibraryError):
     hint = "Wait until the scan has ended, or stop it."
 
 
+class BinChanged(LibraryError):
+    """What is to be erased for good is not what the person was asked about."""
+
+    code = "bin-changed"
+    hint = "Look at the bin again, then erase."
+
+
+class TooLarge(LibraryError):
+    """What is sent is larger than this server takes."""
+
+    code = "too-large"
+    hint = "Copy it into the folder of the library on the scanner's own computer."
+
+
 class OutputError(ScannerError):
     """A result could not be written."""
 
@@ -122,6 +136,18 @@ class OutputError(ScannerError):
     def __init__(self, where: str, problem: str, hint: str | None = None) -> None:
         super().__init__(f"{where}: {problem}", hint)
         self.where, self.problem = where, problem
+
+
+class NoRoom(OutputError):
+    """The disk has less room than a scan will take."""
+
+    code = "no-room"
+    hint = "Empty the bin, delete scans that are not needed, or take fewer stops."
+
+    def __init__(self, where: str, wanted_bytes: int, free_bytes: int) -> None:
+        problem = f"the scan takes about {_megabytes(wanted_bytes)}, and {_megabytes(free_bytes)} are free"
+        super().__init__(where, problem)
+        self.wanted_bytes, self.free_bytes = wanted_bytes, free_bytes
 
 
 class OptionError(ScannerError):
@@ -240,6 +266,13 @@ class BenchFileError(ScannerError):
         self.where, self.problem = where, problem
 
 
+class NotNow(ScannerError):
+    """It can be done, but not at this moment."""
+
+    code = "not-now"
+    hint = "Wait until it is asked for."
+
+
 class NotThere(ScannerError):
     """What the address names is not there."""
 
@@ -285,6 +318,26 @@ class KeyRefused(NotLetIn):
         super().__init__("This link has been used already, or is older than ten minutes.")
 
 
+class PersonNeeded(ScannerError):
+    """A program asks for what only somebody who has logged in may do."""
+
+    code = "person-needed"
+    hint = "Log in with the password, or use `turnscan password` where the server runs."
+
+
+class RefusedHere(ScannerError):
+    """Neither this caller nor this page is served."""
+
+    code = "forbidden"
+
+
+class BodyTooLarge(ScannerError):
+    """More is sent than is taken before the login."""
+
+    code = "body-too-large"
+    hint = "Log in first."
+
+
 class TooManyAttempts(ScannerError):
     """Passwords are tried too fast."""
 
@@ -313,3 +366,7 @@ class NoPassword(ScannerError):
 
     def __init__(self) -> None:
         super().__init__("No password is set, so nobody logs in.")
+
+
+def _megabytes(count: int) -> str:
+    return f"{count / 1e6:,.0f} MB"

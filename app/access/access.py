@@ -1,27 +1,26 @@
 """Access: the one thing that knows who may use the server."""
 
+import logging
 import secrets
-import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from enum import StrEnum
-from hashlib import sha256
 from pathlib import Path
 from typing import Self
 
 from app.access.attempts import Attempts
 from app.access.kept import KeptAccess
+from app.access.keys import OneTimeKeys, digest_of
 from app.access.password import LONGEST, Checker, Hashing, check_fit, made_password
 from app.access.state import FILE, MOST_TOKENS, AccessState, Session, Token
-from app.errors import KeyRefused, NoPassword, NotThere, OptionError, WrongPassword
+from app.errors import KeyRefused, NoPassword, NotThere, OptionError, ScannerError, WrongPassword
 
 SESSION_LASTS = timedelta(days=30)
-_KEY_LASTS_S = 600.0
-_MOST_KEYS = 20
 _SAVE_SEEN_S = 600.0
 _TOKEN_MARK = "turnscan_"
+_log = logging.getLogger(__name__)
 
 
 class Kind(StrEnum):
@@ -54,12 +53,13 @@ class Access:
     thread; those that check a password take a while, and are not for the event loop.
     """
 
-    def __init__(self, folder: Path, hashing: Hashing, attempts: Attempts) -> None:
+    def __init__(
+        self, folder: Path, *, hashing: Hashing | None = None, attempts: Attempts | None = None
+    ) -> None:
         self._kept = KeptAccess(folder / FILE)
-        self._hashing, self._attempts = hashing, attempts
+        self._hashing, self._attempts = hashing or Hashing(), attempts or Attempts()
         self._checker = Checker()
-        self._keys_lock = threading.Lock()
-        self._keys: dict[str, float] = {}
+        self._keys = OneTimeKeys()
         self._seen: dict[str, datetime] = {}
         self._saved_s = time.monotonic()
 
@@ -70,7 +70,7 @@ class Access:
         Raises:
             AccessFileError: there is a file that cannot be understood. Nobody must be let in then.
         """
-        access = cls(folder, hashing or Hashing(), attempts or Attempts())
+        access = cls(folder, hashing=hashing, attempts=attempts)
         access._kept.state(at_once=True)
         return access
 
@@ -101,7 +101,7 @@ class Access:
         with self._kept.changed() as change:
             tokens = change.state.tokens if change.state else ()
             change.state = AccessState(password=hashed, tokens=tokens)
-        self._forget_keys()
+        self._keys.forget()
 
     def forget_password(self) -> None:
         """Take the password, all sessions and all tokens away; also the way out of a damaged file.
@@ -110,16 +110,11 @@ class Access:
             AccessFileError: the file cannot be removed.
         """
         self._kept.forget()
-        self._forget_keys()
+        self._keys.forget()
 
     def one_time_key(self) -> str:
         """Logs in one browser within ten minutes, as `/login#key=KEY`; this object alone knows it."""
-        key = secrets.token_urlsafe(24)
-        with self._keys_lock:
-            self._keys[_digest(key)] = time.monotonic() + _KEY_LASTS_S
-            while len(self._keys) > _MOST_KEYS:
-                del self._keys[next(iter(self._keys))]
-        return key
+        return self._keys.make()
 
     def log_in(self, password: str, client: str, browser: str) -> str:
         """Begin a session, and return its secret for the browser to keep.
@@ -142,9 +137,7 @@ class Access:
         Raises:
             KeyRefused: it was never made, is too old or has been used.
         """
-        with self._keys_lock:
-            ends_s = self._keys.pop(_digest(key), 0.0)
-        if ends_s <= time.monotonic():
+        if not self._keys.use(key):
             raise KeyRefused
         return self._begun(browser)
 
@@ -162,13 +155,18 @@ class Access:
 
     def let_in_by_cookie(self, secret: str) -> Pass | None:
         """Who has that secret from `log_in`."""
-        session = self._kept.look().sessions.get(digest := _digest(secret))
+        session = self._kept.look().sessions.get(digest := digest_of(secret))
         return self._met(Pass(Kind.SESSION, digest)) if session and session.expires > _now() else None
 
     def let_in_by_token(self, secret: str) -> Pass | None:
         """Who has that secret from `make_token`."""
-        token = self._kept.look().tokens.get(digest := _digest(secret))
+        token = self._kept.look().tokens.get(digest := digest_of(secret))
         return self._met(Pass(Kind.TOKEN, digest)) if token else None
+
+    @property
+    def is_understood(self) -> bool:
+        """Whether the file is whole, or there is none."""
+        return self._kept.look().problem is None
 
     def is_open(self) -> bool:
         """Whether no password is set, as was true at most a second ago.
@@ -242,7 +240,7 @@ class Access:
                 )
             if len(state.tokens) >= MOST_TOKENS:
                 raise OptionError(f"There are {MOST_TOKENS} tokens already.", "End one that nobody uses.")
-            made = Token(digest=_digest(secret), created=_now(), name=name)
+            made = Token(digest=digest_of(secret), created=_now(), name=name)
             change.state = state.model_copy(update={"tokens": (*state.tokens, made)})
         return secret
 
@@ -265,15 +263,16 @@ class Access:
         return bool(self._seen) and time.monotonic() - self._saved_s > _SAVE_SEEN_S
 
     def save_seen(self) -> None:
-        """Write down when sessions and tokens were used last.
-
-        Raises:
-            AccessFileError, OutputError: the file is damaged or cannot be written.
-        """
+        """Write down when sessions and tokens were used last; where that fails, only the log says so."""
         self._saved_s = time.monotonic()
-        with self._kept.changed() as change:
-            if change.state is not None:
-                change.state = self._with_seen(change.state)
+        if not self._seen:
+            return
+        try:
+            with self._kept.changed() as change:
+                if change.state is not None:
+                    change.state = self._with_seen(change.state)
+        except ScannerError as error:
+            _log.warning("when somebody was here last is not written down: %s", error.message)
 
     def _check(self, password: str, client: str) -> None:
         with self._checker.in_line():
@@ -288,7 +287,7 @@ class Access:
     def _begun(self, browser: str) -> str:
         secret, now = secrets.token_urlsafe(32), _now()
         begun = Session(
-            digest=_digest(secret), created=now, last_seen=now, expires=now + SESSION_LASTS,
+            digest=digest_of(secret), created=now, last_seen=now, expires=now + SESSION_LASTS,
             browser=browser[:80] or "unknown",
         )  # fmt: skip
         with self._kept.changed() as change:
@@ -303,10 +302,6 @@ class Access:
             if len(kept) == len(state.sessions):
                 raise NotThere(otherwise)
             change.state = state.model_copy(update={"sessions": kept})
-
-    def _forget_keys(self) -> None:
-        with self._keys_lock:
-            self._keys.clear()
 
     def _met(self, who: Pass) -> Pass:
         self._seen[who.digest] = _now()
@@ -323,10 +318,6 @@ class Access:
             for each in state.tokens
         )
         return state.model_copy(update={"sessions": tuple(sessions), "tokens": tuple(tokens)})
-
-
-def _digest(secret: str) -> str:
-    return sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def _now() -> datetime:

@@ -106,7 +106,7 @@ def stamp_of(path: Path) -> Stamp | None:
     except FileNotFoundError:
         return None
     except OSError as error:
-        raise AccessFileError(str(path), reason(error)) from error
+        raise AccessFileError(path.name, reason(error)) from error
     return Stamp(facts.st_ino, facts.st_mtime_ns, facts.st_size)
 
 
@@ -120,16 +120,16 @@ def load_state(path: Path) -> AccessState | None:
         with path.open("rb") as file:
             data = file.read(_LARGEST_BYTES + 1)
         if len(data) > _LARGEST_BYTES:
-            raise AccessFileError(str(path), "is too large")
+            raise AccessFileError(path.name, "is too large")
         return AccessState.model_validate_json(data)
     except FileNotFoundError:
         return None
     except OSError as error:
-        raise AccessFileError(str(path), reason(error)) from error
+        raise AccessFileError(path.name, reason(error)) from error
     except ValidationError as error:
         first = error.errors(include_input=False, include_url=False)[0]
         place = ".".join(str(part) for part in first["loc"])
-        raise AccessFileError(str(path), f"is damaged ({place or 'the whole'}: {first['msg']})") from error
+        raise AccessFileError(path.name, f"is damaged ({place or 'the whole'}: {first['msg']})") from error
 
 
 def save_state(path: Path, state: AccessState | None) -> None:
@@ -144,4 +144,4 @@ def save_state(path: Path, state: AccessState | None) -> None:
     try:
         path.unlink(missing_ok=True)
     except OSError as error:
-        raise AccessFileError(str(path), reason(error)) from error
+        raise AccessFileError(path.name, reason(error)) from error

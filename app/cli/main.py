@@ -20,6 +20,7 @@ _COMMANDS = {
     "devices": "app.cli.devices:devices_command",
     "doctor": "app.cli.doctor:doctor_command",
     "scan": "app.cli.scan:scan_command",
+    "password": "app.cli.password:password_app",
     "serve": "app.cli.serve:serve_command",
     "reconstruct": "app.cli.reconstruct:reconstruct_command",
     "library": "app.cli.library:library_app",

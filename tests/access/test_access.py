@@ -11,6 +11,7 @@ import pytest
 
 from app.access.access import Access, Kind
 from app.access.attempts import Attempts
+from app.access.keys import OneTimeKeys
 from app.access.password import Hashing, made_password
 from app.access.state import FILE
 from app.errors import (
@@ -26,6 +27,13 @@ from app.errors import (
 
 CHEAP = Hashing(memory_kib=64, passes=1)
 PASSWORD = "a turntable and a laser"
+
+
+class Clock:
+    now_s = 1000.0
+
+    def __call__(self) -> float:
+        return self.now_s
 
 
 @pytest.fixture
@@ -187,6 +195,16 @@ def test_a_one_time_key_opens_once(access: Access) -> None:
             access.log_in_with_key(wrong, "phone")
 
 
+def test_a_one_time_key_ends_after_ten_minutes_and_when_there_are_many() -> None:
+    clock = Clock()
+    keys = OneTimeKeys(clock)
+    old, *others = [keys.make() for _ in range(21)]
+    assert not keys.use(old)
+    assert keys.use(others[0])
+    clock.now_s += 600.0
+    assert not keys.use(others[1])
+
+
 def test_a_made_password_may_be_typed_as_phones_do(tmp_path: Path) -> None:
     access = Access.open(tmp_path, hashing=CHEAP)
     password = access.make_password()
@@ -202,13 +220,6 @@ def test_a_password_that_protects_little_is_not_taken(access: Access, password: 
     with pytest.raises(PasswordUnfit):
         access.set_password(password)
     access.log_in(PASSWORD, "10.0.0.1", "x")
-
-
-class Clock:
-    now_s = 1000.0
-
-    def __call__(self) -> float:
-        return self.now_s
 
 
 def test_each_wrong_attempt_from_an_address_makes_the_next_wait_longer() -> None:
