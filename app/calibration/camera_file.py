@@ -34,39 +34,49 @@ def load_camera(path: Path | str) -> CameraIntrinsics:
 def _load_opencv(path: Path) -> CameraIntrinsics:
     try:
         with path.open("rb") as file:
-            text = file.read(_MOST_BYTES + 1).decode("utf-8")
+            return parse_opencv(file.read(_MOST_BYTES + 1), str(path))
     except OSError as error:
         raise CalibrationFileError(str(path), reason(error)) from error
+
+
+def parse_opencv(data: bytes, source: str) -> CameraIntrinsics:
+    """The camera of a YAML or XML file of OpenCV; `source` names it in messages.
+
+    Raises:
+        CalibrationFileError: naming the source and the field.
+    """
+    try:
+        text = data.decode("utf-8")
     except UnicodeDecodeError as error:
-        raise CalibrationFileError(str(path), "is not UTF-8 text") from error
+        raise CalibrationFileError(source, "is not UTF-8 text") from error
     if len(text) > _MOST_BYTES or "\0" in text:
-        raise CalibrationFileError(str(path), "is not a camera of OpenCV", _OPENCV_HINT)
+        raise CalibrationFileError(source, "is not a camera of OpenCV", _OPENCV_HINT)
     try:
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         size = tuple(int(storage.getNode(name).real()) for name in ("image_width", "image_height"))
         matrix, distortion = _numbers(storage, _MATRIX), _numbers(storage, _DISTORTION)
         storage.release()
     except (cv2.error, SystemError, ValueError, OverflowError) as error:
-        raise CalibrationFileError(str(path), "is not a camera of OpenCV", _OPENCV_HINT) from error
+        raise CalibrationFileError(source, "is not a camera of OpenCV", _OPENCV_HINT) from error
     for name, is_there in (
         ("image_width and image_height", min(size) > 0),
         (_MATRIX[0], matrix.size == 9),
         (_DISTORTION[0], distortion.size >= 4),
     ):
         if not is_there:
-            raise CalibrationFileError(f"{path}: {name}", "is missing or of another size", _OPENCV_HINT)
+            raise CalibrationFileError(f"{source}: {name}", "is missing or of another size", _OPENCV_HINT)
     if np.any(distortion[5:]):
         raise CalibrationFileError(
-            f"{path}: {_DISTORTION[0]}",
+            f"{source}: {_DISTORTION[0]}",
             "has terms beyond k1, k2, p1, p2, k3, which this program does not know",
         )
     five = np.zeros(5)
     five[: min(5, distortion.size)] = distortion[:5]
     record = CalibrationRecord(camera=CameraIntrinsics(matrix.reshape(3, 3), five, (size[0], size[1])))
     try:
-        return CalibrationRecord.parse(record.to_bytes(), str(path)).camera
+        return CalibrationRecord.parse(record.to_bytes(), source).camera
     except CalibrationFileError as error:
-        raise CalibrationFileError(str(path), error.problem, _OPENCV_HINT) from error
+        raise CalibrationFileError(source, error.problem, _OPENCV_HINT) from error
 
 
 def _numbers(storage: cv2.FileStorage, names: tuple[str, ...]) -> Floats:

@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from app.calibration.capture_camera import STAGE, CameraLimits, capture_camera_views
+from app.calibration.capture_camera import FEWEST_VIEWS, STAGE, CameraLimits, capture_camera_views
 from app.calibration.capture_events import Ask, CaptureEvent, EventKind, Request, Task, Watch
 from app.calibration.capture_session import CaptureSession
 from app.calibration.capture_table import Span, TableCapture
@@ -135,7 +135,8 @@ class _Run:
 
     def all(self) -> Recording | None:
         """Every stage that is wanted and not there yet; the proof."""
-        if self.plan.with_camera and self.session.next_pose == 0:
+        has_begun_with_table = self.session.next_pose > 0 and self.session.camera_views >= FEWEST_VIEWS
+        if self.plan.with_camera and not has_begun_with_table:
             self._camera_views()
         while self.session.laser_poses < self.plan.laser_poses:
             self._laser_pose()
@@ -143,7 +144,8 @@ class _Run:
         while self.session.placements < self.plan.placements:
             standing = self._placement(self.session, "board", self.session.placements)
         proof = self._proof(standing) if self.plan.with_proof else None
-        if self.plan.with_empty_table and self.bench.description.platter is None:
+        is_wanted = self.plan.with_empty_table and self.bench.description.platter is None
+        if is_wanted and self.session.empty_stops < _EMPTY_STOPS:
             self._empty_table()
         return proof
 
@@ -165,7 +167,7 @@ class _Run:
         there, wanted = self.session.laser_poses, self.plan.laser_poses
         table = TableCapture(self.bench, self.session, self.watch, self._stage)
         while self.session.laser_poses == there:
-            self.ask(Request(Task.SHOW_LASERS, there, f"{problem} {_BEFORE_LASERS}".strip()))
+            self.ask(Request(Task.SHOW_LASERS, there, f"{problem} {_BEFORE_LASERS}".strip(), problem))
             try:
                 self._persist(lambda: table.take_pose(self.session.next_pose, (there + 1) / wanted))
             except CalibrationError as error:
@@ -178,7 +180,7 @@ class _Run:
         table = TableCapture(self.bench, session, self.watch, stage)
         for attempt in range(_PLACE_TRIES):
             self._persist(lambda: self.bench.turntable.move_to(0.0))
-            self.ask(Request(Task.PLACE_BOARD, number, f"{problem} {place}".strip()))
+            self.ask(Request(Task.PLACE_BOARD, number, f"{problem} {place}".strip(), problem))
             try:
                 return self._persist(lambda: _found_and_taken(table, session))
             except CalibrationError as error:

@@ -18,10 +18,11 @@ from app.recording.shot import Role
 from app.vision.board import BoardObservation, BoardSpec, detect_board
 
 STAGE = "camera"
+FEWEST_VIEWS = 8
+"""A camera is not calibrated from fewer."""
 # Between two pictures; more than noise does to good corners, less than would blur them.
 _STILL_PX = 0.5
 _WHOLE_SHARE = 0.9
-_FEWEST_VIEWS = 8
 _EMPTY = np.zeros((0, 2))
 
 
@@ -117,7 +118,7 @@ def _moved_px(before: BoardObservation, now: BoardObservation) -> float:
 
 
 def _refuse_few(goals: Goals) -> None:
-    if len(goals.stances) < _FEWEST_VIEWS:
+    if len(goals.stances) < FEWEST_VIEWS:
         raise CalibrationError(
             f"Only {len(goals.stances)} views of the board were taken; {ENOUGH_VIEWS} or more are wanted.",
             f"Go on, and {goals.wanted or 'show the board'}.",

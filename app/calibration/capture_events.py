@@ -75,11 +75,13 @@ class Request:
         task: what.
         number: of the placement, from 0.
         words: the same for people.
+        problem: why it is asked for again, part of the words; empty for the first time.
     """
 
     task: Task
     number: int
     words: str
+    problem: str = ""
 
 
 Ask: TypeAlias = Callable[[Request], None]

@@ -9,7 +9,7 @@ from app.devices.bench import Bench
 from app.devices.frame import Frame
 from app.errors import RecordingError
 from app.recording.journal import JOURNAL_FILE, MANIFEST_FILE
-from app.recording.manifest import Header
+from app.recording.manifest import FrameEntry, Header
 from app.recording.reader import Recording
 from app.recording.shot import Role
 from app.recording.writer import RecordingWriter
@@ -127,6 +127,16 @@ class CaptureSession:
         return self._writer.close()
 
     @property
+    def camera_views(self) -> int:
+        """How many views of the camera count."""
+        return len(self._counted(Role.INTRINSICS))
+
+    @property
+    def empty_stops(self) -> int:
+        """At how many angles the empty table was photographed."""
+        return len({entry.angle_deg for entry in self._counted(Role.BACKGROUND)})
+
+    @property
     def laser_poses(self) -> int:
         """How many poses of the board were photographed with every laser while the table stood."""
         wanted = len(self._writer.header.lasers)
@@ -136,6 +146,10 @@ class CaptureSession:
                 is_out = number in self.struck.reasons
                 lit[entry.pose] = lit.get(entry.pose, 0) + len(entry.lasers_on) - 1000 * is_out
         return sum(count >= wanted for count in lit.values())
+
+    def _counted(self, role: Role) -> list[FrameEntry]:
+        out = self.struck.reasons
+        return [e for n, e in enumerate(self._writer.entries) if e.role is role and n not in out]
 
     @property
     def _angles(self) -> dict[int, set[float]]:

@@ -60,7 +60,8 @@ class CameraViews:
 
 def seen_json(seen: BoardObservation) -> Json:
     """What a frame's entry keeps of the board in it."""
-    return {"seen": {"corners": len(seen.ids), "outline": np.round(outline(seen), 1).tolist()}}
+    corners = np.round(seen.corners, 1).tolist()
+    return {"seen": {"corners": corners, "outline": np.round(outline(seen), 1).tolist()}}
 
 
 def outline(seen: BoardObservation) -> Pixels:

@@ -156,6 +156,20 @@ class CalibrationStore:
             (self.folder / _CURRENT).unlink(missing_ok=True)
         return moved
 
+    def restore(self, name: str) -> Path:
+        """Take a calibration back from the bin; the one in use stays. The file.
+
+        Raises:
+            CalibrationFileError: the bin holds none of that name, or it cannot be read.
+            OutputError: it cannot be moved.
+        """
+        path = _only(name, self.removed(), str(self.folder / _BIN))
+        CalibrationRecord.load(path)
+        if self._chosen() is None and self.paths():
+            # The newest is in use, which the one that comes back may be.
+            self._choose(self.paths()[-1])
+        return _moved(path, self.folder)
+
     def _chosen(self) -> Path | None:
         """The file that somebody chose; None where nobody did."""
         note = self.folder / _CURRENT

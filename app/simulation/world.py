@@ -77,6 +77,12 @@ class SimulatedWorld:
             raise OptionError(f"A room cannot have a brightness of {room:g}.", "Give 0 or more.")
         self._change(room=room)
 
+    @property
+    def standing(self) -> tuple[Thing, int]:
+        """What is before the camera, and the number of the place where a board stands on the table."""
+        now = self._arranged.last
+        return now.thing, now.placement
+
     def put(self, what: Literal["object", "nothing", "board-on-table"]) -> None:
         """Change what stands on the table; hands that hold the board go away."""
         if what not in ("object", "nothing", "board-on-table"):

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from app.calibration.camera_file import OPENCV_SUFFIXES, load_camera
+from app.calibration.camera_file import OPENCV_SUFFIXES, parse_opencv
 from app.calibration.foreign import fabscan, horus
 from app.calibration.record import CalibrationRecord
 from app.devices.frame import Mounting
@@ -10,7 +10,8 @@ from app.documents import Entry, parse_document
 from app.errors import CalibrationFileError
 from app.files import reason
 
-_MOST_BYTES = 16 * 2**20
+MOST_BYTES = 16 * 2**20
+"""No calibration is larger."""
 _WHICH = "is no calibration of Turnscan, Horus or FabScanPi"
 _WHICH_HINT = (
     "Name a calibration file of this program, one that Horus saved (Save calibration), FabScanPi's "
@@ -28,24 +29,24 @@ def import_calibration(path: Path, bench: Mounting | None = None) -> Calibration
     Raises:
         CalibrationFileError: naming the file and the field.
     """
-    if path.suffix.lower() in OPENCV_SUFFIXES:
-        return _camera_alone(path)
     try:
         with path.open("rb") as file:
-            data = file.read(_MOST_BYTES + 1)
+            data = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise CalibrationFileError(str(path), reason(error)) from error
-    if len(data) > _MOST_BYTES:
-        raise CalibrationFileError(str(path), f"is larger than {_MOST_BYTES // 2**20} MB")
     return parse_calibration(data, str(path), bench or Mounting())
 
 
 def parse_calibration(data: bytes, source: str, bench: Mounting) -> CalibrationRecord:
-    """The bytes of a JSON file of this program, of Horus or of FabScanPi; `source` names it in messages.
+    """The bytes of such a file; `source` names it in messages, and its ending tells OpenCV's from JSON.
 
     Raises:
         CalibrationFileError: naming the source and the field.
     """
+    if len(data) > MOST_BYTES:
+        raise CalibrationFileError(source, f"is larger than {MOST_BYTES // 2**20} MB")
+    if Path(source).suffix.lower() in OPENCV_SUFFIXES:
+        return _camera_alone(data, source)
     groups = parse_document(data, Entry, source, CalibrationFileError).unknown
     if "format" in groups:
         return CalibrationRecord.parse(data, source)
@@ -67,11 +68,11 @@ def notes_of(record: CalibrationRecord) -> tuple[str, ...]:
     return tuple(note for note in notes if isinstance(note, str)) if isinstance(notes, list) else ()
 
 
-def _camera_alone(path: Path) -> CalibrationRecord:
+def _camera_alone(data: bytes, source: str) -> CalibrationRecord:
     notes = ["Only the camera is taken from files of OpenCV: laser planes and axis are to be calibrated."]
     return CalibrationRecord(
-        camera=load_camera(path),
+        camera=parse_opencv(data, source),
         method="opencv",
-        extra={"provenance": {"program": "OpenCV", "file": path.name, "notes": notes}},
-        source=str(path),
+        extra={"provenance": {"program": "OpenCV", "file": Path(source).name, "notes": notes}},
+        source=source,
     )
