@@ -1,5 +1,6 @@
 """The server: everything it is made of, entered in order and left in reverse."""
 
+import asyncio
 import logging
 import threading
 from collections.abc import AsyncIterator
@@ -13,10 +14,14 @@ from starlette.requests import HTTPConnection
 
 from app import api
 from app.access.access import Access
+from app.api.emergency import EmergencyStop
 from app.api.guard import OwnPagesOnly, is_own
+from app.api.metrics import LoopLag, ScannerMetrics, metrics_route
+from app.api.news import NewsDesk
 from app.api.problems import answer_problems
 from app.api.scene import Scene
 from app.api.services import Services
+from app.api.traffic import Traffic, TrafficCounted
 from app.api.versioned import API, versioned_routes
 from app.calibration.store import CalibrationStore
 from app.devices.bench import Bench
@@ -24,9 +29,10 @@ from app.devices.bench_file import BenchDescription
 from app.errors import CalibrationFileError, DeviceError
 from app.files import make_folder
 from app.follow import Follower
-from app.jobs.events import BenchChanged, EventBus
+from app.jobs.events import BenchChanged, EventBus, Notice
 from app.jobs.runner import JobRunner
 from app.library.library import Library
+from app.live.dead_man import DeadMan
 from app.live.pictures import LivePictures
 from app.settings import Settings
 from app.viewer.cloud_view import CloudView
@@ -60,6 +66,8 @@ def create_app(settings: Settings, description: BenchDescription, access: Access
         runner = JobRunner(settings.jobs, bus)
         building.callback(runner.close)
         pictures = building.enter_context(closing(LivePictures.of_bench(machine)))
+        traffic, lag = Traffic(), LoopLag()
+        building.enter_context(DeadMan(machine, lambda: traffic.seen_s, lambda names: _tell_dark(bus, names)))
         scene = Scene(view)
         served = Services(
             bench_spec=settings.bench_spec,
@@ -70,6 +78,8 @@ def create_app(settings: Settings, description: BenchDescription, access: Access
             live=pictures,
             scene=scene,
             access=access,
+            emergency=EmergencyStop(machine, runner.cancel_on_bench, lambda: bus.publish(BenchChanged())),
+            desk=NewsDesk(machine, runner, pictures, traffic, lambda: view.viewers),
             on_scan=lambda: scene.begin(tuple(machine.lasers)),
             on_profile=scene.add,
             on_scan_end=scene.finish,
@@ -80,7 +90,9 @@ def create_app(settings: Settings, description: BenchDescription, access: Access
     async def lifespan(application: FastAPI) -> AsyncIterator[None]:
         with parts:
             threading.Thread(target=_set_up, args=(served, view), name="connect", daemon=True).start()
+            measuring = asyncio.create_task(lag.run())
             yield
+            measuring.cancel()
 
     application = FastAPI(
         title="Turnscan", version="1", lifespan=lifespan, docs_url=None, redoc_url=None,
@@ -90,8 +102,11 @@ def create_app(settings: Settings, description: BenchDescription, access: Access
     answer_problems(application)
     application.include_router(versioned_routes())
     application.router.routes.extend(view_routes(view, _may_enter))
+    metrics = ScannerMetrics(machine, runner, pictures, traffic, lag, lambda: view.viewers)
+    application.router.routes.append(metrics_route(metrics))
     application.mount("/start", StaticFiles(directory=_START))
     application.add_api_route("/", _start_page, include_in_schema=False)
+    application.add_middleware(TrafficCounted, traffic=traffic)
     application.add_middleware(OwnPagesOnly)
     return application
 
@@ -102,6 +117,14 @@ def _start_page() -> FileResponse:
 
 def _may_enter(connection: HTTPConnection) -> bool:
     return is_own(connection)
+
+
+def _tell_dark(bus: EventBus, names: tuple[str, ...]) -> None:
+    lasers = " and ".join(names)
+    bus.publish(
+        Notice(f"Nobody was there for a while, so the lasers went off: {lasers}.", "Switch them on again.")
+    )
+    bus.publish(BenchChanged())
 
 
 def _set_up(served: Services, view: CloudView) -> None:

@@ -2,12 +2,13 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, cast
+from typing import TYPE_CHECKING, Annotated, cast
 
 from fastapi import Depends
 from starlette.requests import HTTPConnection
 
 from app.access.access import Access
+from app.api.emergency import EmergencyStop
 from app.api.scene import Scene
 from app.calibration.record import CalibrationRecord
 from app.calibration.store import CalibrationStore
@@ -17,6 +18,10 @@ from app.jobs.runner import JobRunner
 from app.library.library import Library
 from app.live.pictures import LivePictures
 from app.scanning.profile import Profile
+
+if TYPE_CHECKING:
+    # It shows jobs as their routes do, and these are given the services.
+    from app.api.news import NewsDesk
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,6 +43,8 @@ class Services:
     live: LivePictures
     scene: Scene
     access: Access
+    emergency: EmergencyStop
+    desk: "NewsDesk"
     on_scan: Callable[[], None]
     on_profile: Callable[[Profile], None]
     on_scan_end: Callable[[], None]

@@ -5,12 +5,14 @@ import inspect
 import tempfile
 import threading
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
+from uuid import uuid4
 
 from app.devices.bench_file import BenchDescription, CameraEntry, DriverEntry, LaserEntry
 from app.devices.camera import Camera, CameraSettings, CameraState
@@ -19,7 +21,15 @@ from app.devices.frame import Use
 from app.devices.turntable import TURNTABLES, Turntable
 from app.devices.watchdog import Watchdog
 from app.documents import Json
-from app.errors import BenchBusy, BenchFileError, DeviceError, DeviceLost, OptionError, PositionUnknown
+from app.errors import (
+    BenchBusy,
+    BenchFileError,
+    DeviceError,
+    DeviceLost,
+    MoveStopped,
+    OptionError,
+    PositionUnknown,
+)
 from app.registry import Registry
 from app.simulation.world import SimulatedWorld, WorldPlan
 
@@ -62,6 +72,7 @@ class Bench:
         lasers: entries of the bench file by name.
         world: the simulated world, where a device is simulated.
         stops: how often everything was made safe.
+        zero_name: names the zero of the table's angles; another one each time that it is set anew.
     """
 
     def __init__(
@@ -82,8 +93,12 @@ class Bench:
         self._lease = threading.Semaphore()
         self._holder = ""
         self._lit: dict[str, None] = {} if lit is None else lit
+        self._lit_at_s: dict[str, float] = {}
+        self._burned_s: defaultdict[str, float] = defaultdict(float)
         self._problems: dict[str, str] = {}
         self.stops = 0
+        self.zero_name = uuid4().hex
+        self._is_halted = False
         self._where: PositionUnknown | None = None
 
     @classmethod
@@ -141,7 +156,7 @@ class Bench:
             PositionUnknown: until `zero` says where the table stands.
             DeviceError: as `Turntable.connect`.
         """
-        self._lit.clear()
+        self._note_dark(*self.lasers_on)
         try:
             self.turntable.connect()
         except PositionUnknown as error:
@@ -187,7 +202,7 @@ class Bench:
         """
         if not self._lease.acquire(timeout=wait_s):
             raise BenchBusy(f"The bench is in use: {self._holder}.")
-        self._holder = holder
+        self._holder, self._is_halted = holder, False
         try:
             with self._lock:
                 left_on = tuple(self._lit)
@@ -198,7 +213,7 @@ class Bench:
                 with contextlib.suppress(DeviceError):
                     self.make_safe()
             finally:
-                self._holder = ""
+                self._holder, self._is_halted = "", False
                 self._lease.release()
 
     def refuse_held(self, wanted: str) -> None:
@@ -234,20 +249,38 @@ class Bench:
         if name not in self.lasers:
             known = ", ".join(self.lasers) or "none"
             raise OptionError(f"The bench has no laser called {name!r}.", f"It has: {known}.")
+        if is_on and self._is_halted:
+            raise MoveStopped(self.description.turntable.driver, "the emergency stop was pressed")
         if is_on:
             # Noted before it is done, so that nobody who asks in between is told that it is dark.
             with self._lock:
                 self._lit[name] = None
+                self._lit_at_s.setdefault(name, time.monotonic())
         self.turntable.set_laser(self.lasers[name].channel, is_on)
         if not is_on:
-            with self._lock:
-                self._lit.pop(name, None)
+            self._note_dark(name)
 
     def _put_out(self, names: Sequence[str]) -> None:
         """Every one of them, even where the board complains about another."""
         with contextlib.ExitStack() as stack:
             for name in names:
                 stack.callback(self.switch, name, False)
+
+    def _note_dark(self, *names: str) -> None:
+        with self._lock:
+            for name in names:
+                self._lit.pop(name, None)
+                now_s = time.monotonic()
+                self._burned_s[name] += now_s - self._lit_at_s.pop(name, now_s)
+
+    @property
+    def burned_s(self) -> Mapping[str, float]:
+        """How long each laser has been on since the bench was built, seconds."""
+        with self._lock:
+            now_s = time.monotonic()
+            return {
+                name: self._burned_s[name] + now_s - self._lit_at_s.get(name, now_s) for name in self.lasers
+            }
 
     @property
     def is_placed(self) -> bool:
@@ -262,6 +295,7 @@ class Bench:
         """The place where the table stands is called by this angle from now on."""
         self.turntable.zero(angle_deg)
         self._where = None
+        self.zero_name = uuid4().hex
 
     def make_safe(self) -> None:
         """Table stopped, lasers off, motor let go; from any thread, in any state.
@@ -274,8 +308,16 @@ class Bench:
             if self.turntable.is_connected:
                 self.turntable.make_safe()
         finally:
-            with self._lock:
-                self._lit.clear()
+            self._note_dark(*self.lasers_on)
+
+    def halt(self) -> None:
+        """Emergency stop: make safe, and whoever holds the bench lights nothing any more.
+
+        Raises:
+            DeviceError: the board cannot be reached.
+        """
+        self._is_halted = bool(self._holder)
+        self.make_safe()
 
     def recover(self, timeout_s: float, on_wait: Callable[[str], None] | None = None) -> None:
         """Bring back what was lost: wait for the devices, under whatever name, and connect them.
@@ -309,12 +351,23 @@ class Bench:
         """A simulated world begins with its table at 0; let it stand where an earlier one left it."""
         if self.world is not None:
             way = 1.0 if self.description.turntable.direction == "ccw" else -1.0
-            self.world.plant.slip(way * angle_deg, self.world.clock.now_s())
+            plant, now_s = self.world.plant, self.world.clock.now_s()
+            plant.slip(way * angle_deg - plant.at(now_s).angle_deg, now_s)
+
+    @property
+    def lasers_on(self) -> tuple[str, ...]:
+        """Names of the lasers that were switched on and not off."""
+        with self._lock:
+            return tuple(self._lit)
+
+    @property
+    def holder(self) -> str:
+        """The job that holds the bench; empty for none."""
+        return self._holder
 
     def snapshot(self) -> BenchSnapshot:
         """How it stands now; never waits for a device."""
-        with self._lock:
-            lit = tuple(self._lit)
+        lit = self.lasers_on
         is_there = self.turntable.is_connected
         return BenchSnapshot(
             self.description.name,

@@ -94,6 +94,13 @@ class JobRunner:
             callback()
         return job.snapshot
 
+    def cancel_on_bench(self) -> None:
+        """End the jobs that use the bench, as `cancel` does; those that wait for it stay."""
+        with self._lock:
+            busy = [job for job in self._jobs.values() if job.needs_bench and job.thread is not None]
+        for job in busy:
+            self.cancel(job.snapshot.id)
+
     def close(self, timeout_s: float = 20.0) -> None:
         """Cancel what runs and wait for it to end."""
         with self._lock:

@@ -1,7 +1,7 @@
 """How many pictures are made, and what one costs."""
 
 import time
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -21,6 +21,7 @@ class LiveState:
         ms: what one of them took of a processor lately, milliseconds, by kind; what a frame is computed once
             for is part of the first kind that needed it.
         made: pictures since the start.
+        made_of: the same by kind.
         skipped: frames that present viewers were not shown.
         is_running: whether threads are at work.
         problem: why no pictures come; empty while they do.
@@ -30,6 +31,7 @@ class LiveState:
     fps: Mapping[Kind, float]
     ms: Mapping[Kind, float]
     made: int
+    made_of: Mapping[Kind, int]
     skipped: int
     is_running: bool
     problem: str
@@ -39,11 +41,11 @@ class Meter:
     """Counts; one thread adds, any may read."""
 
     def __init__(self) -> None:
-        self.made = 0
+        self.made_of: Counter[Kind] = Counter()
         self._lately: dict[Kind, deque[tuple[float, float]]] = {kind: deque(maxlen=_MOST) for kind in Kind}
 
     def add(self, kind: Kind, took_s: float) -> None:
-        self.made += 1
+        self.made_of[kind] += 1
         self._lately[kind].append((time.monotonic(), took_s))
 
     def fps(self) -> dict[Kind, float]:

@@ -83,6 +83,11 @@ class LivePictures:
     def settings(self) -> LiveSettings:
         return self._settings
 
+    @property
+    def known(self) -> Known:
+        """What is known of the scanner."""
+        return self._known
+
     def change(self, **changes: Any) -> LiveSettings:
         """Other settings, from the next picture on.
 
@@ -138,7 +143,8 @@ class LivePictures:
             there = [seat for seat in self._seats if not seat.is_gone]
             viewers = Counter(seat.flavour.kind for seat in there)
             return LiveState(
-                {kind: viewers[kind] for kind in Kind}, meter.fps(), meter.ms(), meter.made,
+                {kind: viewers[kind] for kind in Kind}, meter.fps(), meter.ms(),
+                meter.made_of.total(), {kind: meter.made_of[kind] for kind in Kind},
                 sum(seat.skipped for seat in there), self._feed is not None,
                 "" if self._view is None else self._view.problem,
             )  # fmt: skip

@@ -1,113 +1,60 @@
 """News as they happen, over a WebSocket or as server-sent events."""
 
-import asyncio
+import contextlib
 from collections.abc import AsyncIterator
-from typing import Annotated, Literal, TypeAlias
+from typing import Any
 
-from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
-from fastapi.responses import StreamingResponse
-from pydantic import BaseModel, Field, RootModel
+from fastapi import APIRouter, Request, WebSocket
 
-from app.api.routes.jobs import JobOut, shown
+from app.api.news_models import AnyEventOut
+from app.api.patience import PatientResponse, sent, until_one_ends
 from app.api.services import Served
-from app.jobs.events import BenchChanged, Event, JobChanged, JobSaid
+from app.errors import DeviceError
 
 router = APIRouter(prefix="/events", tags=["events"])
-_TICK_S = 1.0
-_SILENCE_TICKS = 15
-
-
-class JobChangedOut(BaseModel):
-    """A job stands differently."""
-
-    type: Literal["job-changed"]
-    job: JobOut
-
-
-class JobSaidOut(BaseModel):
-    """A job has a line for its log."""
-
-    type: Literal["job-said"]
-    job_id: str
-    line: str
-
-
-class PointsAddedOut(BaseModel):
-    """A scan has so many points by now."""
-
-    type: Literal["points-added"]
-    job_id: str
-    points: int
-
-
-class BenchChangedOut(BaseModel):
-    """Something about the bench is different: ask how it stands."""
-
-    type: Literal["bench-changed"]
-
-
-News: TypeAlias = JobChangedOut | JobSaidOut | PointsAddedOut | BenchChangedOut
-
-
-class NewsOut(RootModel[Annotated[News, Field(discriminator="type")]]):
-    """One event, over the socket or in the stream; `type` says which it is."""
+_STREAM: dict[int | str, dict[str, Any]] = {
+    200: {
+        "model": AnyEventOut,
+        "description": "A stream of events; the data of each is JSON of this form. `state` comes first.",
+    }
+}
+_STOP = "stop"
 
 
 @router.websocket("")
 async def socket_events(socket: WebSocket, served: Served) -> None:
-    """Every event as one JSON message; see `NewsOut`."""
+    """Every event as one JSON message. A client that sends the text `stop` presses the emergency stop."""
     await socket.accept()
-    with served.runner.bus.listen() as listener:
-        watching = asyncio.create_task(_until_gone(socket))
-        try:
-            while not watching.done():
-                event = await asyncio.to_thread(listener.next, _TICK_S)
-                if event is not None and not watching.done():
-                    await socket.send_text(as_json(event))
-        except WebSocketDisconnect:
-            return
-        finally:
-            watching.cancel()
+    await until_one_ends(_hear(socket, served), _tell(socket, served))
 
 
-@router.get("/stream", response_class=StreamingResponse, responses={200: {"model": NewsOut}})
-def stream_events(request: Request, served: Served) -> StreamingResponse:
-    """The same as server-sent events."""
+@router.get("/stream", response_class=PatientResponse, responses=_STREAM)
+async def stream_events(request: Request, served: Served) -> PatientResponse:
+    """The same as server-sent events; their ids grow."""
 
     async def events() -> AsyncIterator[str]:
-        with served.runner.bus.listen() as listener:
-            silent = 0
-            while not await request.is_disconnected():
-                event = await asyncio.to_thread(listener.next, _TICK_S)
-                silent = silent + 1 if event is None else 0
-                if event is not None:
-                    yield f"data: {as_json(event)}\n\n"
-                elif silent % _SILENCE_TICKS == 0:
-                    yield ": still here\n\n"
+        async with contextlib.aclosing(served.desk.listen()) as news:
+            async for batch in news:
+                if await request.is_disconnected():
+                    return
+                yield (
+                    "".join(f"id: {number}\ndata: {text}\n\n" for number, text in batch) or ": still here\n\n"
+                )
 
     headers = {"Cache-Control": "no-store"}
-    return StreamingResponse(events(), media_type="text/event-stream", headers=headers)
+    return PatientResponse(events(), media_type="text/event-stream", headers=headers)
 
 
-def as_json(event: Event) -> str:
-    """An event as it goes out."""
-    return _news(event).model_dump_json()
+async def _tell(socket: WebSocket, served: Served) -> None:
+    async with contextlib.aclosing(served.desk.listen()) as news:
+        async for batch in news:
+            for _, text in batch:
+                await sent(socket.send_text(text))
 
 
-def _news(event: Event) -> News:
-    if isinstance(event, JobChanged):
-        return JobChangedOut(type="job-changed", job=shown(event.job))
-    if isinstance(event, JobSaid):
-        return JobSaidOut(type="job-said", job_id=event.job_id, line=event.line)
-    if isinstance(event, BenchChanged):
-        return BenchChangedOut(type="bench-changed")
-    return PointsAddedOut(type="points-added", job_id=event.job_id, points=event.points)
-
-
-async def _until_gone(socket: WebSocket) -> None:
-    """A client says nothing here; reading tells when it leaves."""
-    try:
-        while True:
-            await socket.receive_text()
-    except (WebSocketDisconnect, RuntimeError):
-        return
+async def _hear(socket: WebSocket, served: Served) -> None:
+    while True:
+        if (await socket.receive_text()).strip() == _STOP:
+            # What comes of it is told by the bench's own events.
+            with contextlib.suppress(DeviceError):
+                await served.emergency.press()

@@ -1,15 +1,16 @@
 """Live pictures: MJPEG for any browser, a WebSocket for the page."""
 
-import asyncio
 from collections.abc import AsyncIterator
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request, WebSocket, WebSocketDisconnect
-from fastapi.responses import StreamingResponse
+from fastapi import APIRouter, Query, Request, WebSocket
 from pydantic import BaseModel, Field
 
+from app.api.nudge import Nudge
+from app.api.patience import PatientResponse, sent, until_one_ends
 from app.api.services import Served
 from app.live.settings import Kind, LiveSettings
+from app.live.viewer import LiveViewer
 
 router = APIRouter(prefix="/live", tags=["live"])
 _BOUNDARY = "turnscan"
@@ -52,41 +53,58 @@ def change_settings(served: Served, wanted: LiveIn) -> LiveOut:
     return _shown(served.live.change(**changes))
 
 
-@router.get("/{kind}.mjpeg", response_class=StreamingResponse)
-def stream_pictures(request: Request, served: Served, kind: Kind, width: Width = None) -> StreamingResponse:
+@router.get("/{kind}.mjpeg", response_class=PatientResponse)
+async def stream_pictures(
+    request: Request, served: Served, kind: Kind, width: Width = None
+) -> PatientResponse:
     """Pictures one after the other, for an `<img>`; the newest wins."""
 
     async def pictures() -> AsyncIterator[bytes]:
-        with served.live.watch(Kind.OVERLAY if kind is Kind.STRIPE else kind, width=width) as viewer:
+        nudge = Nudge()
+        shown = Kind.OVERLAY if kind is Kind.STRIPE else kind
+        with served.live.watch(shown, width=width, on_ready=nudge) as viewer:
+            viewer.acknowledge()
             while viewer.is_open and not await request.is_disconnected():
-                picture = await asyncio.to_thread(viewer.next, _TICK_S)
-                if picture is not None:
-                    head = f"--{_BOUNDARY}\r\nContent-Type: {picture.media_type}\r\n"
-                    yield (
-                        f"{head}Content-Length: {len(picture.data)}\r\n\r\n".encode() + picture.data + b"\r\n"
-                    )
+                await nudge.wait(_TICK_S)
+                picture = viewer.take()
+                if picture is None:
+                    continue
+                head = f"--{_BOUNDARY}\r\nContent-Type: {picture.media_type}\r\n"
+                yield f"{head}Content-Length: {len(picture.data)}\r\n\r\n".encode() + picture.data + b"\r\n"
+                viewer.acknowledge()
 
     media_type = f"multipart/x-mixed-replace; boundary={_BOUNDARY}"
-    return StreamingResponse(pictures(), media_type=media_type, headers={"Cache-Control": "no-store"})
+    return PatientResponse(pictures(), media_type=media_type, headers={"Cache-Control": "no-store"})
 
 
 @router.websocket("/{kind}")
 async def socket_pictures(
     socket: WebSocket, served: Served, kind: Kind, width: Width = None, packed: bool = False
 ) -> None:
-    """One picture for each message that the client sends: it asks when it has shown the last one."""
+    """The newest picture whenever the client asks, which it does by any message, once it has shown the last.
+
+    What it asks while a picture is on its way counts once.
+    """
     await socket.accept()
-    with served.live.watch(kind, width=width, is_packed=packed and kind is Kind.MASK) as viewer:
-        try:
-            while viewer.is_open:
-                await socket.receive_text()
-                picture = None
-                while picture is None and viewer.is_open:
-                    picture = await asyncio.to_thread(viewer.next, _TICK_S)
-                if picture is not None:
-                    await socket.send_bytes(picture.message())
-        except (WebSocketDisconnect, RuntimeError):
+    nudge = Nudge()
+    is_packed = packed and kind is Kind.MASK
+    with served.live.watch(kind, width=width, is_packed=is_packed, on_ready=nudge) as viewer:
+        await until_one_ends(_ask(socket, viewer), _show(socket, viewer, nudge))
+
+
+async def _ask(socket: WebSocket, viewer: LiveViewer) -> None:
+    while True:
+        if (await socket.receive())["type"] == "websocket.disconnect":
             return
+        viewer.acknowledge()
+
+
+async def _show(socket: WebSocket, viewer: LiveViewer, nudge: Nudge) -> None:
+    while viewer.is_open:
+        await nudge.wait(_TICK_S)
+        picture = viewer.take()
+        if picture is not None:
+            await sent(socket.send_bytes(picture.message()))
 
 
 def _shown(settings: LiveSettings) -> LiveOut:
