@@ -31,6 +31,7 @@ from app.files import make_folder
 from app.follow import Follower
 from app.jobs.events import BenchChanged, EventBus, Notice
 from app.jobs.runner import JobRunner
+from app.jobs.scan_parts import unfinished_in
 from app.library.library import Library
 from app.live.dead_man import DeadMan
 from app.live.pictures import LivePictures
@@ -63,7 +64,8 @@ def create_app(settings: Settings, description: BenchDescription, access: Access
         for folder in (settings.scans, settings.jobs):
             make_folder(folder)
         bus = EventBus()
-        runner = JobRunner(settings.jobs, bus)
+        library = Library(settings.scans)
+        runner = JobRunner(settings.jobs, bus, is_unfinished=unfinished_in(library))
         building.callback(runner.close)
         pictures = building.enter_context(closing(LivePictures.of_bench(machine)))
         traffic, lag = Traffic(), LoopLag()
@@ -73,7 +75,7 @@ def create_app(settings: Settings, description: BenchDescription, access: Access
             bench_spec=settings.bench_spec,
             bench=machine,
             runner=runner,
-            library=Library(settings.scans),
+            library=library,
             calibrations=CalibrationStore(settings.calibrations),
             live=pictures,
             scene=scene,

@@ -1,6 +1,7 @@
 """A serial port as drivers want it: bytes out, lines back, and every failure an error that names the port."""
 
 import contextlib
+import os
 import re
 import threading
 import time
@@ -16,7 +17,13 @@ from app.errors import DeviceDenied, DeviceError, DeviceLost, DeviceNotFound, De
 _POLL_S = 0.1
 _WRITE_TIMEOUT_S = 2.0
 _MOST_KEPT = 65536
+# Longer than any board's farewell, see `Farewell`.
+_FAREWELL_S = 10.0
 
+try:
+    import fcntl
+except ImportError:
+    fcntl = None  # type: ignore[assignment]
 try:
     from termios import error as _TerminalError  # noqa: N812 (a class of the standard library)
 except ImportError:
@@ -68,14 +75,20 @@ class SerialLink:
             DeviceNotFound, DeviceDenied, DeviceError: with what to do.
         """
         path = self._path()
-        try:
-            # Exclusive, so that a second program is told; network bridges do not know the option.
-            self._serial = serial.serial_for_url(
-                path, self.baud, timeout=_POLL_S, write_timeout=_WRITE_TIMEOUT_S,
-                stopbits=self._stop_bits, **({} if "://" in self.port else {"exclusive": True}),  # type: ignore[arg-type]
-            )  # fmt: skip
-        except (*GONE, ValueError) as error:
-            raise open_error(self.port, self.device, error) from error
+        ends = time.monotonic() + _FAREWELL_S
+        while self._serial is None:
+            try:
+                # Exclusive, so that a second program is told; network bridges do not know the option.
+                self._serial = serial.serial_for_url(
+                    path, self.baud, timeout=_POLL_S, write_timeout=_WRITE_TIMEOUT_S,
+                    stopbits=self._stop_bits, **({} if "://" in self.port else {"exclusive": True}),  # type: ignore[arg-type]
+                )  # fmt: skip
+            except (*GONE, ValueError) as error:
+                problem = open_error(self.port, self.device, error)
+                is_held = isinstance(problem, DeviceDenied)
+                if not is_held or time.monotonic() > ends or not _is_told_farewell(path):
+                    raise problem from error
+                time.sleep(_POLL_S)
         self._lasting = "" if "://" in path else lasting_name(path, self._ports)
         self._lost = None
         self._buffer.clear()
@@ -224,6 +237,23 @@ class SerialLink:
 
 # A carriage return ends a line once it is known that no line feed follows it.
 _LINE = re.compile(rb"([^\r\n]*)(?:\r?\n|\r(?=[^\n]))")
+
+
+def _is_told_farewell(path: str) -> bool:
+    """Whether the watchdog of a program that is gone has the port: it shares it, as programs do not."""
+    if fcntl is None or "://" in path:
+        return False
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except OSError:
+        return False
+    finally:
+        os.close(handle)
+    return True
 
 
 def open_error(port: str, device: str, error: BaseException) -> DeviceError:

@@ -2,7 +2,11 @@
 
 Started as `python -m app.devices.watchdog_process`, with a pipe from the program as its standard input. It
 reads lines of JSON: `{"guard": {...}}` names what to do (see `Farewell`), `{}` is a sign of life, `{"leave":
-true}` the end. A pipe that ends without that, or silence, means that the program is gone.
+true}` the end. A pipe that ends without that means that the program is gone; silence, that it hangs.
+
+While it talks to the board of a program that is gone, it holds a shared lock on the port. A program that
+opens the port locks it for itself: whoever comes second waits (the program, see `SerialLink`) or steps aside
+(the watchdog: a board that has just been connected has its lasers off).
 
 It imports nothing but pyserial, so that it is ready at once and small.
 """
@@ -15,9 +19,16 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import serial
+
+try:
+    import fcntl
+except ImportError:
+    # Windows gives a port to one program alone.
+    fcntl = None  # type: ignore[assignment]
 
 SILENCE_S = 3.0
 _TRIES = 20
@@ -45,7 +56,7 @@ def main() -> None:
             continue
         if not data:
             if guarded is not None:
-                play(guarded)
+                play(guarded, steps_aside=True)
             return
         has_played = False
         *lines, pending = (pending + data).split(b"\n")
@@ -57,17 +68,21 @@ def main() -> None:
                 guarded = message["guard"]
 
 
-def play(farewell: dict[str, Any]) -> bool:
+def play(farewell: dict[str, Any], *, steps_aside: bool = False) -> bool:
     """Send a board its farewell; whether it could be reached.
 
     Args:
         farewell: `port`, `baud`, `stop_bits` and `words`: pairs of bytes (as latin-1 text) and seconds.
+        steps_aside: leave a board alone that another program has connected.
     """
     for _ in range(_TRIES):
         try:
-            with serial.serial_for_url(
-                farewell["port"], farewell["baud"], stopbits=farewell["stop_bits"], write_timeout=1.0
-            ) as port:
+            with (
+                _shared(farewell["port"]) if steps_aside else contextlib.nullcontext(),
+                serial.serial_for_url(
+                    farewell["port"], farewell["baud"], stopbits=farewell["stop_bits"], write_timeout=1.0
+                ) as port,
+            ):
                 for word, wait_s in farewell["words"]:
                     port.write(word.encode("latin-1"))
                     port.flush()
@@ -76,6 +91,21 @@ def play(farewell: dict[str, Any]) -> bool:
         except (serial.SerialException, OSError, ValueError):
             time.sleep(_TRY_AGAIN_S)
     return False
+
+
+@contextlib.contextmanager
+def _shared(port: str) -> Iterator[None]:
+    """Nobody may have the port alone meanwhile. Raises OSError where somebody has."""
+    if fcntl is None or "://" in port:
+        yield
+        return
+    # Asked before anything else is done to the port, because opening it throws away what has arrived.
+    handle = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        yield
+    finally:
+        os.close(handle)
 
 
 def _read(arrived: "queue.SimpleQueue[bytes]") -> None:

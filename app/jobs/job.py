@@ -45,6 +45,15 @@ class JobProblem:
             return cls(error.code, error.message, error.hint)
         return cls("surprise", f"{type(error).__name__}: {error}", "Please report this with the job's log.")
 
+    @classmethod
+    def interrupted(cls) -> "JobProblem":
+        """The program ended, however, while the job had not."""
+        return cls(
+            "interrupted",
+            "The program ended before this job did.",
+            "A scan can be gone on with; start anything else again.",
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class JobSnapshot:
@@ -52,16 +61,21 @@ class JobSnapshot:
 
     Attributes:
         id: names it.
-        kind: what it does: scan, checkup, reconstruct.
+        kind: what it does: scan, texture, checkup, reconstruct, export.
         title: the same for people.
         state: where in its life it is.
         done, total: how much of it is done, of how much; total 0 while nobody knows.
         note: what it is at.
+        seconds: how long it has worked, without rests and waits; by a clock that nobody sets.
         seconds_left: as far as can be foretold; None where it cannot.
-        waits_for: what a running job waits for, such as a device that is away; empty for nothing.
+        waits_for: what it waits for, such as its turn or a device that is away; empty for nothing.
         problem: why it failed.
         result: what it made, by name.
         created, ended: when, in UTC.
+        scan: name in the library of the scan that it works on; empty for none.
+        can_resume: whether that scan is unfinished, and nobody is at it.
+        order: what was asked for, so that it can be asked for again; None where that cannot be.
+        number: counts the jobs in the order they were taken.
     """
 
     id: str
@@ -72,11 +86,16 @@ class JobSnapshot:
     done: int = 0
     total: int = 0
     note: str = ""
+    seconds: float = 0.0
     seconds_left: float | None = None
     waits_for: str = ""
     problem: JobProblem | None = None
     result: Mapping[str, Any] = field(default_factory=dict)
     ended: datetime | None = None
+    scan: str = ""
+    can_resume: bool = False
+    order: Mapping[str, Any] | None = None
+    number: int = 0
 
 
 class JobCancelled(Exception):  # noqa: N818 (an event, not an error)

@@ -1,8 +1,8 @@
 """Each kind of job in a dozen lines."""
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
-from dataclasses import dataclass
+from contextlib import ExitStack, suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +11,20 @@ from app.calibration.record import CalibrationRecord
 from app.checkup.checkup import checkup, chosen
 from app.checkup.examination import Examination
 from app.devices.bench import Bench
-from app.errors import DeviceError, TurnBrokenOff
+from app.errors import DeviceError, OutputError, PositionUnknown, ScannerError, TurnBrokenOff
+from app.jobs.estimate import pace_of
 from app.jobs.events import PointsAdded
 from app.jobs.runner import JobContext, Work
 from app.jobs.scan_parts import check_lasers, live_points_for, recovery_for, rig_of
-from app.library.again import reconstruct_again
+from app.library.again import DETECTOR, reconstruct_again
 from app.library.library import Library
 from app.recording.manifest import FrameEntry
 from app.recording.reader import Recording
 from app.scanning.live import LivePoints
 from app.scanning.plan import ScanPlan
 from app.scanning.profile import Profile
-from app.scanning.run import place_table, run_scan
+from app.scanning.reconstruct import ReconstructionOptions
+from app.scanning.run import Recovery, place_table, run_scan
 from app.scanning.scan import Taken
 from app.scanning.session import ScanSession
 from app.scanning.sources import reconstruct_recording, scan_detector
@@ -30,6 +32,7 @@ from app.surface.ply import PlyWriter
 from app.surface.preview import PreviewPainter
 
 CALIBRATION_FILE, CLOUD_FILE = "calibration.json", "cloud.ply"
+_GO_ON_HINT = "What was taken is kept. Free some space, then go on with the scan."
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +45,8 @@ class ScanOrder:
         bench_spec: what names the bench.
         patience_s: how long to wait for a device that goes away.
         takes_target: go on even where nobody can tell where an interrupted move ended.
+        detector: finds the stripes.
+        options: how the pictures become points.
     """
 
     folder: Path
@@ -49,6 +54,8 @@ class ScanOrder:
     bench_spec: str
     patience_s: float = 600.0
     takes_target: bool = False
+    detector: str = DETECTOR
+    options: ReconstructionOptions = field(default_factory=ReconstructionOptions)
 
 
 def scan_work(
@@ -61,37 +68,51 @@ def scan_work(
     """Scan; then, where there is a calibration, the cloud beside the recording."""
 
     def work(job: JobContext) -> Mapping[str, Any]:
-        bench.connect()
-        session = _session(bench, order, record)
+        session = _begun(bench, order, record)
         recovery = recovery_for(session, record, bench, order.patience_s)
         if order.plan is None:
-            bench.restore(session.table.angle_deg)
-            place_table(bench, session, recovery, takes_target=order.takes_target)
+            _place(bench, session, recovery, takes_target=order.takes_target)
         job.on_cancel(lambda: _stop(bench))
+        shots_before = session.shots
         if on_begin is not None:
             on_begin()
         with ExitStack() as stack:
-            live = live_points_for(session, record, bench, on_profile)
+            live = live_points_for(session, record, bench, on_profile, order.detector, order.options)
             if live is not None:
                 stack.enter_context(live)
-            recording = run_scan(bench, session, _ScanWatch(job, session, live), recovery)
+            watch = _ScanWatch(job, session, live)
+            watch.begin()
+            try:
+                recording = run_scan(bench, session, watch, recovery)
+            except OutputError as error:
+                raise OutputError(error.where, error.problem, _GO_ON_HINT) from error
+        captured_s = job.active_s
+        pace = pace_of(session, shots_before, captured_s)
         result: dict[str, Any] = {"folder": str(order.folder), "pictures": len(recording.entries)}
         if rig_of(record) is not None and record is not None:
-            result |= _reconstructed(job, recording, record, order.folder / CLOUD_FILE)
-        return result
+            result |= _reconstructed(job, recording, record, order)
+            changes = {"points": result["points"], "computing_s": job.active_s - captured_s}
+            pace = pace.model_copy(update=changes)
+        return result | {"pace": pace.model_dump(mode="json")}
 
     return work
 
 
-def reconstruct_work(library: Library, name: str, record: CalibrationRecord) -> Work:
-    """Another cloud of a scan in the library; those it has stay."""
+def reconstruct_work(
+    library: Library,
+    name: str,
+    record: CalibrationRecord | None,
+    detector: str = DETECTOR,
+    options: ReconstructionOptions | None = None,
+) -> Work:
+    """Another cloud of a scan in the library; those it has stay. Arguments as of `reconstruct_again`."""
 
     def work(job: JobContext) -> Mapping[str, Any]:
         def progress(done: int, total: int, points: int) -> None:
             job.checkpoint()
             job.progress(done, total, f"{points} points")
 
-        again = reconstruct_again(library, name, record, progress=progress)
+        again = reconstruct_again(library, name, record, detector, options, progress)
         return {"cloud": again.cloud.name, "points": again.report.points, "doubts": list(again.report.doubts)}
 
     return work
@@ -117,22 +138,21 @@ class _ScanWatch:
     def __init__(self, job: JobContext, session: ScanSession, live: LivePoints | None) -> None:
         self.job, self.session, self.live = job, session, live
 
+    def begin(self) -> None:
+        """What a scan has already that is gone on with is no pace."""
+        self._tell()
+
     def taken(self, taken: Taken, entry: FrameEntry) -> None:
         session = self.session
         if self.live is not None:
             self.live.add(taken)
             self.job.bus.publish(PointsAdded(self.job.id, self.live.points))
+        self._tell(f"stop {taken.stop + 1} of {session.plan.steps}")
         if session.plan.mode == "step":
-            self.job.progress(
-                session.shots, session.plan.shots, f"stop {taken.stop + 1} of {session.plan.steps}"
-            )
             self.job.checkpoint()
-        else:
-            turned = session.plan.turn_deg * len(session.plan.passes)
-            self.job.progress(round(turned * session.done), round(turned), "turning")
-            if self.job.is_to_rest:
-                # A table cannot rest in mid-turn: the turn is broken off, and taken up again later.
-                raise TurnBrokenOff("the scan", "rests")
+        elif self.job.is_to_rest:
+            # A table cannot rest in mid-turn: the turn is broken off, and taken up again later.
+            raise TurnBrokenOff("the scan", "rests")
 
     def waiting(self, problem: str) -> None:
         if not self.job.is_to_rest:
@@ -143,21 +163,52 @@ class _ScanWatch:
     def going_on(self) -> None:
         self.job.waits("")
 
+    def _tell(self, note: str = "") -> None:
+        session = self.session
+        if session.plan.mode == "step":
+            self.job.progress(session.shots, session.plan.shots, note)
+        else:
+            turned = session.plan.turn_deg * len(session.plan.passes)
+            self.job.progress(round(turned * session.done), round(turned), "turning")
 
-def _session(bench: Bench, order: ScanOrder, record: CalibrationRecord | None) -> ScanSession:
+
+def _begun(bench: Bench, order: ScanOrder, record: CalibrationRecord | None) -> ScanSession:
     if order.plan is None:
+        # Where the table stands is found out below.
+        with suppress(PositionUnknown):
+            bench.connect()
         return ScanSession.resume(order.folder)
-    check_lasers(bench, order.plan.lasers, record)
+    try:
+        bench.connect()
+        check_lasers(bench, order.plan.lasers, record)
+    except ScannerError:
+        # A folder that was reserved for a scan that cannot begin is of no use.
+        with suppress(OSError):
+            order.folder.rmdir()
+        raise
     session = ScanSession.create(order.folder, order.plan, bench, order.bench_spec)
     if record is not None:
         record.save(order.folder / CALIBRATION_FILE)
     return session
 
 
+def _place(bench: Bench, session: ScanSession, recovery: Recovery, *, takes_target: bool) -> None:
+    """As long as this program counts angles from the zero of the scan, it knows where the table stands."""
+    is_same_zero = session.zero == bench.zero_name
+    if is_same_zero and bench.is_placed:
+        return
+    if not is_same_zero:
+        bench.restore(session.table.angle_deg)
+    place_table(bench, session, recovery, takes_target=takes_target)
+
+
 def _reconstructed(
-    job: JobContext, recording: Recording, record: CalibrationRecord, cloud: Path
+    job: JobContext, recording: Recording, record: CalibrationRecord, order: ScanOrder
 ) -> Mapping[str, Any]:
-    run = reconstruct_recording(recording, record.rig, scan_detector(), None, layout_of(record) or None)
+    cloud = order.folder / CLOUD_FILE
+    run = reconstruct_recording(
+        recording, record.rig, scan_detector(order.detector), order.options, layout_of(record) or None
+    )
     painter = PreviewPainter()
     with PlyWriter(cloud, run.laser_names) as ply:
         for number, profile in enumerate(run, start=1):

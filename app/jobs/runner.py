@@ -1,25 +1,26 @@
 """Runs jobs in threads: one at a time on the bench, some computations beside it."""
 
-import json
 import logging
 import threading
 import time
 import traceback
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeAlias
 from uuid import uuid4
 
-from app.errors import OptionError, ScannerError
-from app.files import make_folder, write_whole
+from app.errors import JobRuns, NotThere, OptionError, ScannerError
+from app.jobs.archive import JobArchive
 from app.jobs.events import EventBus, JobChanged, JobSaid
 from app.jobs.job import JobCancelled, JobProblem, JobSnapshot, JobState
+from app.jobs.pace import Pace
 
 _LINES_KEPT = 500
-_COMPUTATIONS = 1
+_ENDED_KEPT = 200
+_SAVED_EVERY_S = 2.0
 _log = logging.getLogger(__name__)
 
 Work: TypeAlias = "Callable[[JobContext], Mapping[str, Any]]"
@@ -27,48 +28,87 @@ Work: TypeAlias = "Callable[[JobContext], Mapping[str, Any]]"
 
 
 class JobRunner:
-    """Takes jobs, runs each in a thread of its own when its turn has come, and keeps how they ended.
+    """Takes jobs, runs each in a thread of its own when its turn has come, and keeps them on disk.
+
+    Jobs of earlier runs of the program are there again; those that it did not bring to an end have failed.
 
     Args:
-        folder: ended jobs are kept here, one JSON file each.
+        folder: jobs are kept here, see `JobArchive`.
         bus: told every change.
+        computations: how many jobs that need no bench may run at once.
+        is_unfinished: whether the scan of that name in the library can be gone on with.
     """
 
-    def __init__(self, folder: Path, bus: EventBus) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        bus: EventBus,
+        *,
+        computations: int = 1,
+        is_unfinished: Callable[[str], bool] = lambda scan: False,
+    ) -> None:
         self.bus = bus
-        self._folder = folder
-        make_folder(folder)
+        self._computations, self._is_unfinished = computations, is_unfinished
+        self._archive = JobArchive(folder)
         self._lock = threading.RLock()
+        self._saving = threading.Lock()
         self._jobs: dict[str, _Job] = {}
         self._waiting: deque[_Job] = deque()
         self._is_closed = False
+        self._bring_back()
 
-    def submit(self, kind: str, title: str, work: Work, *, needs_bench: bool) -> JobSnapshot:
-        """Take a job; it begins at once, or when those before it have ended."""
+    def submit(
+        self,
+        kind: str,
+        title: str,
+        work: Work,
+        *,
+        needs_bench: bool,
+        scan: str = "",
+        order: Mapping[str, Any] | None = None,
+        expected_s: float | None = None,
+    ) -> JobSnapshot:
+        """Take a job; it begins at once, or when those before it have ended.
+
+        Args:
+            kind, title, scan, order: see `JobSnapshot`.
+            work: does it.
+            needs_bench: only one such job runs at a time.
+            expected_s: how long its first part should take.
+        """
         now = datetime.now(UTC)
-        snapshot = JobSnapshot(f"{now:%Y%m%dT%H%M%S}-{uuid4().hex[:6]}", kind, title, JobState.QUEUED, now)
-        job = _Job(snapshot, work, needs_bench)
         with self._lock:
             if self._is_closed:
                 raise OptionError("The server is closing.", "Start it again.")
+            number = 1 + max((job.snapshot.number for job in self._jobs.values()), default=0)
+            snapshot = JobSnapshot(
+                self._new_id(now), kind, title, JobState.QUEUED, now, scan=scan, order=order, number=number
+            )
+            job = _Job(snapshot, work, needs_bench, Pace(expected_s), expected_s)
             self._jobs[snapshot.id] = job
             self._waiting.append(job)
             self._changed(job)
+        self._save(job)
+        with self._lock:
             self._start_what_can()
         return job.snapshot
 
     def jobs(self) -> list[JobSnapshot]:
-        """All of this run, newest first."""
+        """All that are known, newest first."""
         with self._lock:
-            return [job.snapshot for job in reversed(self._jobs.values())]
+            known = [job.snapshot for job in reversed(self._jobs.values())]
+        return [self._shown(snapshot) for snapshot in known]
 
     def job(self, job_id: str) -> JobSnapshot:
-        """Raises OptionError for an unknown one."""
-        return self._find(job_id).snapshot
+        """Raises NotThere for an unknown one."""
+        return self._shown(self._find(job_id).snapshot)
 
     def lines(self, job_id: str) -> list[str]:
         """The log of a job, oldest first."""
-        return list(self._find(job_id).lines)
+        job = self._find(job_id)
+        kept, newest = self._archive.lines(job_id), list(job.lines)
+        # What could not be written is still in memory.
+        return kept if len(kept) >= len(newest) else newest
 
     def pause(self, job_id: str) -> JobSnapshot:
         """A running job stops at its next checkpoint, with the lasers off, until it is resumed."""
@@ -82,16 +122,31 @@ class JobRunner:
         with self._lock:
             job = self._find(job_id)
             if job.snapshot.state.has_ended:
-                return job.snapshot
+                return self._shown(job.snapshot)
             job.is_cancelled = True
             job.may_run.set()
-            if job in self._waiting:
+            is_waiting = job in self._waiting
+            if is_waiting:
                 self._waiting.remove(job)
-                self._end(job, JobState.CANCELLED)
-                return job.snapshot
             callbacks = tuple(job.on_cancel)
+        if is_waiting:
+            self._end(job, JobState.CANCELLED)
+            return self._shown(job.snapshot)
         for callback in callbacks:
             callback()
+        return job.snapshot
+
+    def forget(self, job_id: str) -> JobSnapshot:
+        """Take a job that has ended off the list and off the disk; what it made stays.
+
+        Raises:
+            JobRuns: it has not ended.
+        """
+        with self._lock:
+            job = self._find(job_id)
+            if not job.snapshot.state.has_ended:
+                raise JobRuns(f"The job {job.snapshot.title!r} has not ended.")
+            self._drop(job)
         return job.snapshot
 
     def cancel_on_bench(self) -> None:
@@ -102,7 +157,7 @@ class JobRunner:
             self.cancel(job.snapshot.id)
 
     def close(self, timeout_s: float = 20.0) -> None:
-        """Cancel what runs and wait for it to end."""
+        """End what runs, which is no wish of anybody's, and wait for it."""
         with self._lock:
             self._is_closed = True
             jobs = list(self._jobs.values())
@@ -113,36 +168,69 @@ class JobRunner:
             if job.thread is not None:
                 job.thread.join(max(0.0, ends - time.monotonic()))
 
+    def _bring_back(self) -> None:
+        for snapshot in self._archive.load():
+            ended = snapshot.state.has_ended
+            if not ended:
+                snapshot = replace(
+                    snapshot, state=JobState.FAILED, problem=JobProblem.interrupted(), waits_for="",
+                    seconds_left=None, ended=datetime.now(UTC),
+                )  # fmt: skip
+                self._archive.save(snapshot)
+            self._jobs[snapshot.id] = _Job(snapshot, _over, needs_bench=False, has_ended=True)
+        self._prune()
+
+    def _new_id(self, now: datetime) -> str:
+        while True:
+            name = f"{now:%Y%m%dT%H%M%S}-{uuid4().hex[:6]}"
+            if name not in self._jobs:
+                return name
+
     def _find(self, job_id: str) -> "_Job":
         with self._lock:
             job = self._jobs.get(job_id)
         if job is None:
-            raise OptionError(f"There is no job {job_id!r}.", "Ask for the list of jobs.")
+            raise NotThere(f"There is no job {job_id!r}.", "Ask for the list of jobs.")
         return job
+
+    def _shown(self, snapshot: JobSnapshot) -> JobSnapshot:
+        """With what only the library knows."""
+        is_broken_off = snapshot.state in (JobState.FAILED, JobState.CANCELLED)
+        if snapshot.kind != "scan" or not snapshot.scan or not is_broken_off:
+            return snapshot
+        return replace(snapshot, can_resume=self._is_unfinished(snapshot.scan))
 
     def _set_running(self, job_id: str, *, is_running: bool, of: JobState, to: JobState) -> JobSnapshot:
         with self._lock:
             job = self._find(job_id)
-            if job.snapshot.state is of:
+            has_changed = job.snapshot.state is of
+            if has_changed:
                 (job.may_run.set if is_running else job.may_run.clear)()
                 self._changed(job, state=to)
-            return job.snapshot
+        if has_changed:
+            self._save(job)
+        return job.snapshot
 
     def _start_what_can(self) -> None:
         """In order; a computation may overtake a job that waits for the bench."""
         for job in tuple(self._waiting):
             busy = [each for each in self._jobs.values() if each.thread is not None and not each.has_ended]
             same = [each for each in busy if each.needs_bench == job.needs_bench]
-            if len(same) >= (1 if job.needs_bench else _COMPUTATIONS):
+            if len(same) >= (1 if job.needs_bench else self._computations):
+                what = "the bench" if job.needs_bench else "the computation"
+                words = f"{what}, which {same[0].snapshot.title!r} has"
+                if job.snapshot.waits_for != words:
+                    self._changed(job, waits_for=words)
                 continue
             self._waiting.remove(job)
             job.thread = threading.Thread(target=self._run, args=(job,), name=f"job {job.snapshot.kind}")
             job.thread.daemon = True
             job.began_s = time.monotonic()
-            self._changed(job, state=JobState.RUNNING)
+            self._changed(job, state=JobState.RUNNING, waits_for="", seconds_left=job.expected_s)
             job.thread.start()
 
     def _run(self, job: "_Job") -> None:
+        self._save(job)
         try:
             result = job.work(JobContext(self, job))
         except JobCancelled:
@@ -160,53 +248,75 @@ class JobRunner:
             self._end(job, JobState.FAILED, JobProblem.of(error))
         else:
             with self._lock:
-                self._changed(job, result=dict(result), seconds_left=0.0)
+                self._changed(job, result=dict(result))
             self._end(job, JobState.DONE)
 
     def _end(self, job: "_Job", state: JobState, problem: JobProblem | None = None) -> None:
+        if state is JobState.CANCELLED and self._is_closed:
+            state, problem = JobState.FAILED, JobProblem.interrupted()
         with self._lock:
             job.has_ended = True
+            job.wait(is_waiting=False)
             self._changed(
-                job, state=state, problem=problem, ended=datetime.now(UTC), waits_for="", seconds_left=None
-            )
-            self._keep(job)
+                job, state=state, problem=problem, ended=datetime.now(UTC), waits_for="",
+                seconds=round(job.active_s(), 3), seconds_left=None,
+            )  # fmt: skip
+            # Whoever sees that it has ended finds it so on the disk.
+            self._save(job)
+            self._prune()
             self._start_what_can()
 
-    def _keep(self, job: "_Job") -> None:
-        """How it ended, and its log, for later; a full disk must not take the job down with it."""
-        document = asdict(job.snapshot) | {"log": list(job.lines)}
-        try:
-            text = json.dumps(document, indent=1, default=str)
-            write_whole(self._folder / f"{job.snapshot.id}.json", text.encode(), is_durable=False)
-        except ScannerError as error:
-            _log.warning("the end of job %s cannot be kept: %s", job.snapshot.id, error)
+    def _save(self, job: "_Job", *, is_durable: bool = True) -> None:
+        """The newest state, whichever thread comes last."""
+        with self._saving:
+            if job.snapshot.id in self._jobs:
+                job.saved_s = time.monotonic()
+                self._archive.save(job.snapshot, is_durable=is_durable)
+
+    def _prune(self) -> None:
+        ended = [job for job in self._jobs.values() if job.has_ended]
+        for job in ended[: max(0, len(ended) - _ENDED_KEPT)]:
+            self._drop(job)
+
+    def _drop(self, job: "_Job") -> None:
+        del self._jobs[job.snapshot.id]
+        self._archive.forget(job.snapshot.id)
 
     def _changed(self, job: "_Job", **changes: Any) -> None:
         job.snapshot = replace(job.snapshot, **changes)
-        self.bus.publish(JobChanged(job.snapshot))
+        self.bus.publish(JobChanged(self._shown(job.snapshot)))
 
     def progress(self, job: "_Job", done: int, total: int, note: str) -> None:
         with self._lock:
-            left = None
-            if 0 < done < total:
-                running_s = time.monotonic() - job.began_s - job.rested_s
-                left = running_s * (total - done) / done
-            self._changed(job, done=done, total=total, note=note, seconds_left=left)
+            active_s = job.active_s()
+            left_s = job.pace.left_s(active_s, done, total)
+            self._changed(
+                job, done=done, total=total, note=note, seconds=round(active_s, 3), seconds_left=left_s
+            )
+        if time.monotonic() - job.saved_s > _SAVED_EVERY_S:
+            self._save(job, is_durable=False)
 
     def waits(self, job: "_Job", for_what: str) -> None:
         with self._lock:
+            job.wait(bool(for_what))
             self._changed(job, waits_for=for_what)
 
     def say(self, job: "_Job", line: str) -> None:
-        job.lines.append(f"{datetime.now(UTC):%H:%M:%S} {line}")
+        stamped = f"{datetime.now(UTC):%H:%M:%S} {line}"
+        job.lines.append(stamped)
+        self._archive.say(job.snapshot.id, stamped)
         self.bus.publish(JobSaid(job.snapshot.id, line))
 
 
 @dataclass(eq=False, slots=True)
 class _Job:
+    """A job as it lives; its times are those of the monotonic clock."""
+
     snapshot: JobSnapshot
     work: Work
     needs_bench: bool
+    pace: Pace = field(default_factory=Pace)
+    expected_s: float | None = None
     lines: deque[str] = field(default_factory=lambda: deque(maxlen=_LINES_KEPT))
     on_cancel: list[Callable[[], None]] = field(default_factory=list)
     may_run: threading.Event = field(default_factory=threading.Event)
@@ -214,10 +324,31 @@ class _Job:
     has_ended: bool = False
     thread: threading.Thread | None = None
     began_s: float = 0.0
-    rested_s: float = 0.0
+    idle_s: float = 0.0
+    idle_since_s: float | None = None
+    saved_s: float = 0.0
 
     def __post_init__(self) -> None:
         self.may_run.set()
+
+    def active_s(self) -> float:
+        """How long it has worked."""
+        if self.thread is None:
+            return self.snapshot.seconds
+        now = time.monotonic() if self.idle_since_s is None else self.idle_since_s
+        return now - self.began_s - self.idle_s
+
+    def wait(self, is_waiting: bool) -> None:
+        """From now on it rests or waits, or works again."""
+        now = time.monotonic()
+        if self.idle_since_s is not None:
+            self.idle_s += now - self.idle_since_s
+        self.idle_since_s = now if is_waiting else None
+
+
+def _over(job: "JobContext") -> Mapping[str, Any]:
+    """The work of a job of an earlier run, which is never done again."""
+    raise JobCancelled
 
 
 class JobContext:
@@ -239,6 +370,11 @@ class JobContext:
         """Whether the job is paused or cancelled, and its work should come to a checkpoint."""
         return self._job.is_cancelled or not self._job.may_run.is_set()
 
+    @property
+    def active_s(self) -> float:
+        """How long it has worked, without rests and waits."""
+        return self._job.active_s()
+
     def checkpoint(self) -> None:
         """Somewhere the work can rest: waits while the job is paused.
 
@@ -246,9 +382,10 @@ class JobContext:
             JobCancelled: the job was cancelled.
         """
         if not self._job.may_run.is_set():
-            began_s = time.monotonic()
+            was_waiting = self._job.idle_since_s is not None
+            self._job.wait(is_waiting=True)
             self._job.may_run.wait()
-            self._job.rested_s += time.monotonic() - began_s
+            self._job.wait(was_waiting)
         if self._job.is_cancelled:
             raise JobCancelled
 

@@ -2,15 +2,19 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from app.calibration.record import CalibrationRecord
 from app.devices.bench import Bench
-from app.errors import OptionError
+from app.errors import OptionError, ScannerError
 from app.geometry.rig import Rig
+from app.library.again import DETECTOR
+from app.library.library import Library
 from app.scanning.find_angle import MarkerFinder
 from app.scanning.find_by_picture import PictureFinder
 from app.scanning.live import LivePoints
 from app.scanning.profile import Profile
+from app.scanning.reconstruct import ReconstructionOptions
 from app.scanning.run import Recovery, first_of
 from app.scanning.session import ScanSession
 from app.scanning.sources import scan_detector
@@ -19,6 +23,18 @@ from app.scanning.sources import scan_detector
 def rig_of(record: CalibrationRecord | None) -> Rig | None:
     """The calibrated scanner; None where there is no calibration, or one of the camera alone."""
     return None if record is None or record.axis is None or not record.lasers else record.rig
+
+
+def unfinished_in(library: Library) -> Callable[[str], bool]:
+    """Tells of scans by name whether they can be gone on with."""
+
+    def is_unfinished(name: str) -> bool:
+        try:
+            return library.scan(name).status == "paused"
+        except ScannerError:
+            return False
+
+    return is_unfinished
 
 
 def check_lasers(bench: Bench, names: tuple[str, ...], record: CalibrationRecord | None) -> None:
@@ -57,6 +73,8 @@ def live_points_for(
     record: CalibrationRecord | None,
     bench: Bench,
     on_profile: Callable[[Profile], None] | None = None,
+    detector: str = DETECTOR,
+    options: ReconstructionOptions | None = None,
 ) -> LivePoints | None:
     """Computes points as pictures come; None without a calibration."""
     rig = rig_of(record)
@@ -65,7 +83,8 @@ def live_points_for(
     way = math.radians(1.0 if bench.description.turntable.direction == "ccw" else -1.0)
     has_partners = session.plan.mode == "step" and session.plan.with_dark
     return LivePoints(
-        rig, scan_detector(), {name: entry.colour for name, entry in bench.lasers.items()},
+        rig, scan_detector(detector), {name: entry.colour for name, entry in bench.lasers.items()},
         lambda angle_deg: way * angle_deg, on_profile=on_profile,
         is_grey=has_partners and bench.camera.facts.gives_jpeg,
+        options=replace(options or ReconstructionOptions(), ahead=0, with_colour=False),
     )  # fmt: skip

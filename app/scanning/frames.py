@@ -1,6 +1,8 @@
 """Stops of a recording on disk: which frames they need, and decoding them when their turn comes."""
 
 from collections import OrderedDict
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import PurePosixPath
 from threading import Lock
 
@@ -12,6 +14,9 @@ from app.recording.reader import Recording
 from app.recording.shot import Role, Shot
 from app.scanning.stops import LitPair, LitView, Stop, Texture, group_stops, missing_angle
 from app.vision.stripe import Image
+
+TEXTURE_LOOK = "texture"
+"""What a picture of a round that was taken for colour alone is called in the recording."""
 
 _TEXTURES_KEPT = 3
 
@@ -40,7 +45,17 @@ class StopLoader:
         """
         entries = self.recording.select(Role.SCAN, Role.TEXTURE)
         dark = [entry for entry in entries if not entry.lasers_on]
-        return group_stops(entries, self._turn_of, dark)
+        stops = group_stops(entries, self._turn_of, dark)
+        exposed = exposed_for_colour(entries)
+        if not exposed:
+            return stops
+        # The dark partner of a lit picture has the laser's exposure, which shows little colour.
+        turns = np.array([self._turn_of(entry) for entry in exposed])
+        nearest = [int(np.argmax(np.cos(turns - stop.turn_rad))) for stop in stops]
+        return [
+            replace(stop, texture=Texture(exposed[number], float(turns[number]), is_here=False))
+            for stop, number in zip(stops, nearest, strict=True)
+        ]
 
     def load(self, stop: Stop[FrameEntry]) -> Stop[Shot]:
         """Decode a stop.
@@ -91,6 +106,15 @@ class StopLoader:
                     self._textures.popitem(last=False)
             self._textures.move_to_end(entry.file)
             return self._textures[entry.file]
+
+
+def exposed_for_colour(entries: Iterable[FrameEntry]) -> tuple[FrameEntry, ...]:
+    """Pictures that were taken for their colour: the newest round of them, else those of the scan itself."""
+    rounds = [entry for entry in entries if entry.unknown.get("look") == TEXTURE_LOOK]
+    if rounds:
+        newest = rounds[-1].unknown.get("round")
+        return tuple(entry for entry in rounds if entry.unknown.get("round") == newest)
+    return tuple(entry for entry in entries if entry.unknown.get("look") == "colour")
 
 
 def _is_jpeg(file: str) -> bool:

@@ -25,6 +25,7 @@ class ScanPlan(Entry):
             picture is compared with. In a continuous scan, one turn with the lasers off, for the colour.
         texture_every: at every n-th stop a picture with the exposure for texture; 0 for none.
         seconds_per_turn: of a continuous scan.
+        together: all lasers are lit in one picture: half the time with two, where their stripes do not cross.
     """
 
     mode: Mode = "step"
@@ -34,6 +35,7 @@ class ScanPlan(Entry):
     with_dark: bool = True
     texture_every: Annotated[int, Field(ge=0)] = 0
     seconds_per_turn: Annotated[float, Field(gt=0.0, le=86_400.0)] = 30.0
+    together: bool = False
 
     def angle_deg(self, stop: int) -> float:
         """Where a stop is."""
@@ -42,7 +44,7 @@ class ScanPlan(Entry):
     def looks(self, stop: int) -> "tuple[Look, ...]":
         """What is photographed at a stop of a step scan, in order."""
         looks = [Look(Role.TEXTURE, ())] if self.with_dark else []
-        looks += [Look(Role.SCAN, (laser,)) for laser in self.lasers]
+        looks += self._lit
         if self.texture_every and stop % self.texture_every == 0:
             looks.append(Look(Role.TEXTURE, (), for_colour=True))
         return tuple(looks)
@@ -51,7 +53,12 @@ class ScanPlan(Entry):
     def passes(self) -> "tuple[Look, ...]":
         """The turns of a continuous scan, in order."""
         looks = [Look(Role.TEXTURE, ())] if self.with_dark else []
-        return (*looks, *(Look(Role.SCAN, (laser,)) for laser in self.lasers))
+        return (*looks, *self._lit)
+
+    @property
+    def _lit(self) -> "tuple[Look, ...]":
+        groups = [self.lasers] if self.together else [(laser,) for laser in self.lasers]
+        return tuple(Look(Role.SCAN, lasers) for lasers in groups)
 
     @property
     def shots(self) -> int:

@@ -77,6 +77,7 @@ def run_scan(bench: Bench, session: ScanSession, watch: Watch, recovery: Recover
         OutputError: the disk is full.
     """
     recovery = recovery or Recovery()
+    session.zero = bench.zero_name
     try:
         with bench.lease("a scan"):
             try:
@@ -171,6 +172,7 @@ def _recover(bench: Bench, session: ScanSession, watch: Watch, recovery: Recover
         if found is None:
             raise
         bench.zero(found)
+        session.zero = bench.zero_name
     session.standing(bench.turntable.angle_deg)
 
 

@@ -43,6 +43,7 @@ class ScanFile(Entry):
     status: Status
     table: TableState
     reason: str = ""
+    zero: str = ""
 
 
 class ScanSession:
@@ -54,13 +55,14 @@ class ScanSession:
         bench_spec: what names its bench: a file, or `simulated`.
         status: running, paused or finished.
         table: where the table is.
+        zero: names what its angles are counted from, see `Bench.zero_name`; empty where nobody knows.
     """
 
     def __init__(self, folder: Path, plan: ScanPlan, bench_spec: str, writer: RecordingWriter) -> None:
         self.folder, self.plan, self.bench_spec, self.writer = folder, plan, bench_spec, writer
         self.status: Status = "running"
         self.table = TableState()
-        self.reason = ""
+        self.reason = self.zero = ""
         self._taken: set[tuple[int, str]] = set()
         self._reached_deg: dict[str, float] = {}
         self._began_s: float | None = None
@@ -97,7 +99,8 @@ class ScanSession:
                 str(folder), "is finished", "Reconstruct it, or name another folder for a new scan."
             )
         session = cls(folder, saved.plan, saved.bench, RecordingWriter.resume(folder))
-        session.table, session.reason = saved.table, saved.reason
+        session.table, session.reason, session.zero = saved.table, saved.reason, saved.zero
+        session._trust_last_picture()
         return session
 
     @property
@@ -163,6 +166,7 @@ class ScanSession:
             "reason": self.reason,
             "plan": self.plan.as_json(),
             "table": self.table.as_json(),
+            "zero": self.zero,
         }
         checked = compose(ScanFile, document, SCAN_FILE, RecordingError)
         text = json.dumps(checked.as_json(), indent=1, allow_nan=False)
@@ -186,6 +190,16 @@ class ScanSession:
         times = [entry.time_s for entry in self.writer.entries if entry.time_s is not None]
         return max(times) + 1.0 if times else 0.0
 
+    def _trust_last_picture(self) -> None:
+        """A program that was killed could not say so, but a picture of a stop shows that it was reached."""
+        going_to = self.table.moving_to_deg
+        if self.plan.mode != "step" or going_to is None or not self.writer.entries:
+            return
+        stop, at_deg = self.writer.entries[-1].unknown.get("stop"), self.writer.entries[-1].angle_deg
+        is_there = isinstance(stop, int) and self.plan.angle_deg(stop) == going_to
+        if is_there and at_deg is not None:
+            self.table = TableState(angle_deg=at_deg)
+
     def _note(self, entry: FrameEntry) -> None:
         stop, look = entry.unknown.get("stop"), entry.unknown.get("look")
         if not isinstance(stop, int) or not isinstance(look, str):
@@ -194,6 +208,11 @@ class ScanSession:
         if self.plan.mode == "continuous" and entry.angle_deg is not None:
             number = next((n for n, each in enumerate(self.plan.passes) if each.key == look), 0)
             self._reached_deg[look] = entry.angle_deg - number * self.plan.turn_deg
+
+
+def read_plan(folder: Path) -> ScanPlan:
+    """What the scan in a folder is to do. Raises RecordingError."""
+    return read_document(folder / SCAN_FILE, ScanFile, _not_a_scan).plan
 
 
 def _header(bench: Bench, plan: ScanPlan) -> Header:
