@@ -23,12 +23,14 @@ from app.api.scene import Scene
 from app.api.services import Services
 from app.api.traffic import Traffic, TrafficCounted
 from app.api.versioned import API, versioned_routes
+from app.calibration.record import CalibrationRecord
 from app.calibration.store import CalibrationStore
 from app.devices.bench import Bench
 from app.devices.bench_file import BenchDescription
 from app.errors import CalibrationFileError, DeviceError
 from app.files import make_folder
 from app.follow import Follower
+from app.jobs.calibrate_desk import CalibrationDesk
 from app.jobs.events import BenchChanged, EventBus, Notice
 from app.jobs.runner import JobRunner
 from app.jobs.scan_parts import unfinished_in
@@ -82,6 +84,8 @@ def create_app(settings: Settings, description: BenchDescription, access: Access
             access=access,
             emergency=EmergencyStop(machine, runner.cancel_on_bench, lambda: bus.publish(BenchChanged())),
             desk=NewsDesk(machine, runner, pictures, traffic, lambda: view.viewers),
+            calibrating=CalibrationDesk(),
+            on_calibrated=lambda record: _show_calibration(record, view, pictures),
             on_scan=lambda: scene.begin(tuple(machine.lasers)),
             on_profile=scene.add,
             on_scan_end=scene.finish,
@@ -129,6 +133,13 @@ def _tell_dark(bus: EventBus, names: tuple[str, ...]) -> None:
     bus.publish(BenchChanged())
 
 
+def _show_calibration(record: CalibrationRecord, view: CloudView, pictures: LivePictures) -> None:
+    """In the 3D view and over the live pictures; one of the camera alone shows nothing there."""
+    if record.lasers and record.axis is not None:
+        view.show_rig(record.rig)
+        pictures.learn(rig=record.rig)
+
+
 def _set_up(served: Services, view: CloudView) -> None:
     """What takes time: devices, and the scene that a calibration allows."""
     try:
@@ -141,8 +152,7 @@ def _set_up(served: Services, view: CloudView) -> None:
     except CalibrationFileError as error:
         _log.warning("%s", error.message)
         return
-    if record is not None and record.lasers and record.axis is not None:
-        view.show_rig(record.rig)
-        served.live.learn(rig=record.rig)
+    if record is not None:
+        served.on_calibrated(record)
     if served.bench.world is not None:
         served.live.learn(board=served.bench.world.stage.board)

@@ -9,7 +9,16 @@ from pydantic import BaseModel, Field, RootModel
 from app.api.bench_out import BenchOut, shown_bench
 from app.api.routes.jobs import JobOut, shown
 from app.devices.bench import Bench
-from app.jobs.events import BenchChanged, Counters, Event, JobChanged, JobSaid, PointsAdded
+from app.jobs.calibrate_state import CalibrationState
+from app.jobs.events import (
+    BenchChanged,
+    CalibrationChanged,
+    Counters,
+    Event,
+    JobChanged,
+    JobSaid,
+    PointsAdded,
+)
 from app.jobs.job import JobSnapshot
 
 _KEPT = 64
@@ -68,6 +77,13 @@ class BenchChangedOut(BaseModel):
     bench: BenchOut
 
 
+class CalibrationChangedOut(BaseModel):
+    """A calibration that is being made stands differently."""
+
+    type: Literal["calibration-changed"] = "calibration-changed"
+    calibration: CalibrationState
+
+
 class NoticeOut(BaseModel):
     """Something to be told to people, whatever they are doing."""
 
@@ -77,7 +93,14 @@ class NoticeOut(BaseModel):
 
 
 EventOut: TypeAlias = (
-    StateOut | JobChangedOut | JobSaidOut | PointsAddedOut | BenchChangedOut | NoticeOut | CountersOut
+    CalibrationChangedOut
+    | StateOut
+    | JobChangedOut
+    | JobSaidOut
+    | PointsAddedOut
+    | BenchChangedOut
+    | NoticeOut
+    | CountersOut
 )
 
 
@@ -121,6 +144,8 @@ class Wire:
             return JobSaidOut(job_id=event.job_id, line=event.line)
         if isinstance(event, PointsAdded):
             return PointsAddedOut(job_id=event.job_id, points=event.points)
+        if isinstance(event, CalibrationChanged):
+            return CalibrationChangedOut(calibration=event.calibration)
         if isinstance(event, Counters):
             return _counted(event)
         if isinstance(event, BenchChanged):

@@ -14,6 +14,7 @@ from app.calibration.record import CalibrationRecord
 from app.calibration.store import CalibrationStore
 from app.devices.bench import Bench
 from app.errors import CalibrationFileError
+from app.jobs.calibrate_desk import CalibrationDesk
 from app.jobs.runner import JobRunner
 from app.library.library import Library
 from app.live.pictures import LivePictures
@@ -32,6 +33,8 @@ class Services:
         bench_spec: what names the bench: a file, or `simulated`.
         on_scan: told when a scan begins, so that the 3D view makes room.
         on_scan_end: told when it has ended, however.
+        calibrating: where to ask how a calibration goes.
+        on_calibrated: told a calibration that is in use from now on.
         on_profile: told each profile of a scan as it is computed.
     """
 
@@ -45,8 +48,10 @@ class Services:
     access: Access
     emergency: EmergencyStop
     desk: "NewsDesk"
+    calibrating: CalibrationDesk
     on_scan: Callable[[], None]
     on_profile: Callable[[Profile], None]
+    on_calibrated: Callable[[CalibrationRecord], None]
     on_scan_end: Callable[[], None]
 
     def calibration(self) -> CalibrationRecord | None:

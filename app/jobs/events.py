@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from types import TracebackType
 from typing import Self, TypeAlias
 
+from app.jobs.calibrate_state import CalibrationState
 from app.jobs.job import JobSnapshot
 
 _MOST_WAITING = 256
@@ -77,7 +78,14 @@ class Counters:
     bytes_sent: int = 0
 
 
-Event: TypeAlias = JobChanged | JobSaid | PointsAdded | BenchChanged | Notice | Counters
+@dataclass(frozen=True, slots=True)
+class CalibrationChanged:
+    """A calibration that is being made stands differently."""
+
+    calibration: CalibrationState
+
+
+Event: TypeAlias = CalibrationChanged | JobChanged | JobSaid | PointsAdded | BenchChanged | Notice | Counters
 
 
 class EventBus:
@@ -192,4 +200,6 @@ def _subject(event: Event) -> str:
         return f"job {event.job.id}"
     if isinstance(event, PointsAdded):
         return f"points {event.job_id}"
+    if isinstance(event, CalibrationChanged):
+        return f"calibration {event.calibration.job_id}"
     return "counters" if isinstance(event, Counters) else "bench"
