@@ -1,0 +1,1 @@
+"""From points with normals to triangles."""

@@ -1,0 +1,143 @@
+"""A mesh from a cloud."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from app.errors import SurfaceError
+from app.geometry.arrays import Floats, Points
+from app.geometry.cloud import PointCloud
+from app.geometry.mesh import TriangleMesh
+from app.surface.meshing.base import foot_height, footprint
+from app.surface.meshing.contour import contour
+from app.surface.meshing.grid import Grid
+from app.surface.meshing.indicator import areas_of, level_of, solve_indicator
+from app.surface.meshing.options import MeshOptions
+from app.surface.meshing.snap import snap
+
+Progress = Callable[[str, float], None]
+"""Told what is being done, and how much of all is done, 0..1."""
+
+_FEWEST_POINTS = 50
+_SPACING_SAMPLE = 5_000
+_SNAP_CELLS = 1.5
+_TRIM_CELLS = 3.0
+_COLOUR_NEIGHBOURS = 4
+
+
+def make_mesh(
+    cloud: PointCloud, options: MeshOptions | None = None, progress: Progress | None = None
+) -> TriangleMesh:
+    """The surface that the points of a cloud lie on.
+
+    Args:
+        cloud: with normals, in the table frame; points without one are left out.
+        options: closed on a flat base where not given.
+        progress: told how far it is.
+
+    Raises:
+        SurfaceError: there are too few points with normals, or they span nothing.
+    """
+    options = options or MeshOptions()
+    tell = progress or (lambda words, share: None)
+    usable = _usable(cloud)
+    points, normals, weights = usable.points, usable.normals, usable.weights
+    grid = Grid.around(points, _cell(points, options))
+    tell("measuring density", 0.05)
+    areas = areas_of(grid, points)
+    held_points, held_normals, held_areas = points, normals, areas
+    foot = foot_height(points)
+    stands = options.is_closed and options.has_flat_base
+    if stands:
+        base = footprint(grid, points, foot)
+        held_points = np.concatenate([points, base])
+        held_normals = np.concatenate([normals, np.tile([0.0, 0.0, -1.0], (len(base), 1))])
+        held_areas = np.concatenate([areas, np.full(len(base), grid.cell_mm**2)])
+    tell("solving", 0.15)
+    field = solve_indicator(grid, held_points, held_normals, held_areas)
+    field -= level_of(grid, field, points, areas)
+    if stands:
+        # Cut off below the foot: a field that falls by one in a cell crosses zero just there.
+        heights = grid.origin[2] + np.arange(grid.shape[2]) * grid.cell_mm
+        np.minimum(field, ((heights - foot) / grid.cell_mm).astype(np.float32), out=field)
+    tell("finding the surface", 0.55)
+    mesh, outward = contour(grid, field, 0.0)
+    del field
+    if not len(mesh):
+        raise SurfaceError("The points do not close around anything.", "Scan the thing from all sides.")
+    tell("fitting to the points", 0.7)
+    vertices = snap(
+        mesh.vertices.astype(np.float64), outward, points, normals, weights, _SNAP_CELLS * grid.cell_mm
+    )
+    if stands:
+        vertices[:, 2] = np.maximum(vertices[:, 2], foot)
+    tell("colouring", 0.9)
+    tree = cKDTree(points)
+    made = TriangleMesh(vertices.astype(np.float32), mesh.faces, _colours(vertices, tree, usable.colours))
+    if not options.is_closed:
+        made = _trimmed(made, tree, options.trim_mm or _TRIM_CELLS * grid.cell_mm)
+    return made
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Usable:
+    """Points that can be used: (N, 3) mm, (N, 3) unit vectors, (N,) by their variance, (N, 3)."""
+
+    points: Points
+    normals: Points
+    weights: Floats
+    colours: NDArray[np.uint8]
+
+
+def _usable(cloud: PointCloud) -> _Usable:
+    lengths = np.linalg.norm(cloud.normals, axis=1)
+    is_usable = np.isfinite(cloud.points).all(axis=1) & (np.abs(lengths - 1.0) < 0.1)
+    if np.count_nonzero(is_usable) < _FEWEST_POINTS:
+        raise SurfaceError(
+            f"Only {np.count_nonzero(is_usable)} points have a normal; a surface needs {_FEWEST_POINTS}.",
+            "Scan again, or estimate normals first.",
+        )
+    points = cloud.points[is_usable].astype(np.float64)
+    if np.ptp(points, axis=0).max() < 1e-3:
+        raise SurfaceError("All points lie in one place.", "Look at the cloud in the 3D view.")
+    normals = cloud.normals[is_usable] / lengths[is_usable, None]
+    sigma = cloud.sigma_mm[is_usable].astype(np.float64)
+    usual = float(np.nanmedian(sigma)) if np.isfinite(sigma).any() else 1.0
+    sigma = np.clip(np.where(np.isfinite(sigma), sigma, usual), 0.2 * usual, None)
+    return _Usable(points, normals.astype(np.float64), (usual / sigma) ** 2, cloud.colours[is_usable])
+
+
+def _cell(points: Points, options: MeshOptions) -> float:
+    """The size of a cell that was asked for, or that the points' spacing allows, within the most cells."""
+    wanted = options.cell_mm
+    if wanted is None:
+        step = max(1, len(points) // _SPACING_SAMPLE)
+        distances, _ = cKDTree(points).query(points[::step], k=[5], workers=-1)
+        wanted = max(1.5 * float(np.median(distances)), 1e-3)
+    smallest = Grid.around(points, float(np.ptp(points, axis=0).max()) / 40.0)
+    volume = smallest.cells * smallest.cell_mm**3
+    return max(wanted, 1.1 * math.cbrt(volume / options.most_cells))
+
+
+def _colours(vertices: Points, tree: cKDTree, colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(V, 3) red, green, blue: the mean of the nearest points', the nearer the more."""
+    count = min(_COLOUR_NEIGHBOURS, tree.n)
+    distances, which = tree.query(vertices, k=np.arange(1, count + 1), workers=-1)
+    weight = 1.0 / np.maximum(distances, 1e-6)
+    weight /= weight.sum(axis=1, keepdims=True)
+    mixed: NDArray[np.uint8] = np.rint(np.einsum("vn,vnc->vc", weight, colours[which])).astype(np.uint8)
+    return mixed
+
+
+def _trimmed(mesh: TriangleMesh, tree: cKDTree, farthest_mm: float) -> TriangleMesh:
+    """Without the triangles that reach where no points are."""
+    distances, _ = tree.query(mesh.vertices, workers=-1)
+    is_near = np.asarray(distances <= farthest_mm)
+    faces = mesh.faces[is_near[mesh.faces].all(axis=1)]
+    used, numbers = np.unique(faces, return_inverse=True)
+    colours = None if mesh.colours is None else mesh.colours[used]
+    return TriangleMesh(mesh.vertices[used], numbers.reshape(-1, 3).astype(np.int32), colours)

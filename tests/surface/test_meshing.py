@@ -1,0 +1,65 @@
+"""Meshes of clouds whose surface is known."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from app.errors import SurfaceError
+from app.geometry.cloud import PointCloud
+from app.geometry.mesh import TriangleMesh
+from app.surface.meshing.make import make_mesh
+from app.surface.meshing.options import MeshOptions
+
+RADIUS_MM = 20.0
+
+
+def test_a_ball_comes_out_closed_round_and_turned_outwards() -> None:
+    mesh = make_mesh(_ball(40_000), MeshOptions(cell_mm=0.8, has_flat_base=False))
+    radii = np.linalg.norm(mesh.vertices, axis=1)
+    assert _is_watertight(mesh)
+    assert np.sqrt(np.mean((radii - RADIUS_MM) ** 2)) < 0.02
+    assert mesh.volume_mm3 == pytest.approx(4.0 / 3.0 * np.pi * RADIUS_MM**3, rel=0.002)
+
+
+def test_what_was_not_seen_from_below_stands_on_a_flat_base() -> None:
+    ball = _ball(40_000)
+    seen = ball.select(ball.points[:, 2] > -10.0)
+    mesh = make_mesh(seen, MeshOptions(cell_mm=0.8))
+    assert _is_watertight(mesh)
+    assert mesh.vertices[:, 2].min() == pytest.approx(-10.0, abs=0.2)
+
+
+def test_an_open_mesh_ends_where_the_points_end() -> None:
+    ball = _ball(40_000)
+    seen = ball.select(ball.points[:, 2] > 0.0)
+    mesh = make_mesh(seen, MeshOptions(cell_mm=0.8, is_closed=False, trim_mm=1.0))
+    assert not _is_watertight(mesh)
+    assert mesh.vertices[:, 2].min() > -1.2
+    assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - RADIUS_MM).max() < 0.5
+
+
+@pytest.mark.parametrize("count", [0, 10])
+def test_too_few_points_are_refused_in_plain_words(count: int) -> None:
+    with pytest.raises(SurfaceError, match="points have a normal"):
+        make_mesh(_ball(count))
+
+
+def test_a_thousand_copies_of_one_point_are_no_surface() -> None:
+    with pytest.raises(SurfaceError, match="one place"):
+        make_mesh(_ball(1).select(np.zeros(1000, np.intp)))
+
+
+def _ball(count: int) -> PointCloud:
+    rng = np.random.default_rng(1)
+    normals = rng.normal(size=(count, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    points = normals * (RADIUS_MM + 0.02 * rng.normal(size=(count, 1)))
+    ones = np.ones(count, np.float32)
+    return PointCloud(
+        points.astype(np.float32), normals.astype(np.float32), np.full((count, 3), 90, np.uint8),
+        0.02 * ones, np.zeros(count, np.uint8), 0.0 * ones, ones, ("left",),
+    )  # fmt: skip
+
+
+def _is_watertight(mesh: TriangleMesh) -> bool:
+    return bool(trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).is_watertight)
