@@ -8,7 +8,7 @@ OUT ?= out
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast,dev]'
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast,mdns,dev]'
 	touch $(STAMP)
 
 run: $(STAMP)

@@ -27,7 +27,8 @@ from app.calibration.record import CalibrationRecord
 from app.calibration.store import CalibrationStore
 from app.devices.bench import Bench
 from app.devices.bench_file import BenchDescription
-from app.errors import CalibrationFileError, DeviceError
+from app.devices.no_bench import no_bench
+from app.errors import BenchFileError, CalibrationFileError, DeviceError, OptionError, ScannerError
 from app.files import make_folder
 from app.follow import Follower
 from app.jobs.calibrate_desk import CalibrationDesk
@@ -46,21 +47,22 @@ _POLICY = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'"
 _log = logging.getLogger(__name__)
 
 
-def create_app(settings: Settings, description: BenchDescription, access: Access | None = None) -> FastAPI:
+def create_app(
+    settings: Settings, description: BenchDescription | ScannerError, access: Access | None = None
+) -> FastAPI:
     """The application; devices are connected when it starts, and what is missing is said by `/bench`.
 
     Args:
         settings: see there.
-        description: of the bench.
+        description: of the bench, or why there is none.
         access: of the folder; opened here where nobody else needs it.
 
     Raises:
-        OptionError, BenchFileError: the bench cannot be built.
         AccessFileError: it is not clear who may use the server.
     """
     access = access or Access.open(settings.folder)
     with ExitStack() as building:
-        machine = building.enter_context(Bench.build(description))
+        machine = building.enter_context(_bench(description))
         view = building.enter_context(CloudView())
         building.enter_context(Follower(machine, view))
         for folder in (settings.scans, settings.jobs):
@@ -115,6 +117,14 @@ def create_app(settings: Settings, description: BenchDescription, access: Access
     application.add_middleware(TrafficCounted, traffic=traffic)
     application.add_middleware(OwnPagesOnly)
     return application
+
+
+def _bench(description: BenchDescription | ScannerError) -> Bench:
+    """That of a description; where it cannot be built, one without devices, which says why."""
+    try:
+        return no_bench(description) if isinstance(description, ScannerError) else Bench.build(description)
+    except (OptionError, BenchFileError) as error:
+        return no_bench(error)
 
 
 def _start_page() -> FileResponse:

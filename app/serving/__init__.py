@@ -1,0 +1,1 @@
+"""What makes the server a good neighbour: addresses, encryption, logs, a quick end, and being found."""
