@@ -17,7 +17,7 @@ from app.scanning.sources import reconstruct_recording, scan_detector
 from app.simulation.firmware.kernel import FIRMWARES
 
 # Boards whose table turns in whole degrees, or in coarse steps, stop elsewhere; the cloud is the same.
-_STEPS = 24
+_STEPS = 12
 _RADIUS_MM = 30.0
 
 

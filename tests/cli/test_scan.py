@@ -64,7 +64,7 @@ def bench(tmp_path: Path) -> Path:
 @pytest.fixture
 def board(tmp_path: Path) -> Iterator[EmulatedPort]:
     firmware = FIRMWARES.make("horus", plant=Plant(Wiring(3200.0)))
-    with EmulatedPort(firmware, tmp_path / "board", Clock(2.0)) as port:
+    with EmulatedPort(firmware, tmp_path / "board", Clock(4.0)) as port:
         yield port
 
 
@@ -97,17 +97,17 @@ def test_a_scan_that_is_ended_keeps_its_pictures_and_goes_on(
     tmp_path: Path, bench: Path, number: signal.Signals
 ) -> None:
     folder = tmp_path / "scan"
-    with _started("scan", str(folder), "--bench", str(bench), "--steps", "60") as running:
-        _wait_for(lambda: _pictures(folder) > 9)
+    with _started("scan", str(folder), "--bench", str(bench), "--steps", "40") as running:
+        _wait_for(lambda: _pictures(folder) > 3)
         running.send_signal(number)
-        _, said = running.communicate(timeout=30.0)
+        _, said = running.communicate(timeout=120.0)
     assert running.returncode == 2
     kept = Recording.open(folder)
     assert f"{len(kept.entries)} pictures are kept" in _plain(said)
     assert "--resume" in _plain(said)
     outcome = turnscan("scan", folder, "--resume")
     assert outcome.code == 0, outcome.said
-    assert len(Recording.open(folder).entries) == 180
+    assert len(Recording.open(folder).entries) == 120
 
 
 def test_a_killed_scan_leaves_no_laser_on_and_goes_on(
@@ -115,19 +115,17 @@ def test_a_killed_scan_leaves_no_laser_on_and_goes_on(
 ) -> None:
     folder, bench = tmp_path / "scan", tmp_path / "bench.toml"
     bench.write_text(_EMULATED.format(port=board.link, folder=small_recording))
-    with _started("scan", str(folder), "--bench", str(bench), "--steps", "40") as running:
+    with _started("scan", str(folder), "--bench", str(bench), "--steps", "16") as running:
         _wait_for(lambda: _pictures(folder) > 5)
         _wait_for(lambda: bool(_plant(board).at(board.clock.now_s()).outputs_on))
         running.kill()
-        running.communicate(timeout=30.0)
-    _wait_for(lambda: not _plant(board).at(board.clock.now_s()).outputs_on, 3.0)
+        running.communicate(timeout=120.0)
+    _wait_for(lambda: not _plant(board).at(board.clock.now_s()).outputs_on)
     kept = len(Recording.open(folder).entries)
     assert kept > 5
-    # The watchdog says the rest of its farewell; a scan resumed in the same second would be reset by it.
-    time.sleep(4.0)
     outcome = turnscan("scan", folder, "--resume", "--accept-position")
     assert outcome.code == 0, outcome.said
-    assert len(Recording.open(folder).entries) == 80
+    assert len(Recording.open(folder).entries) == 32
 
 
 @pytest.mark.parametrize(
@@ -212,7 +210,7 @@ def _plain(said: str) -> str:
     return re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", said)
 
 
-def _wait_for(is_so: Callable[[], bool], timeout_s: float = 40.0) -> None:
+def _wait_for(is_so: Callable[[], bool], timeout_s: float = 120.0) -> None:
     ends = time.monotonic() + timeout_s
     while not is_so():
         assert time.monotonic() < ends, "it never came to be"

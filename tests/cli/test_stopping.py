@@ -40,7 +40,7 @@ def ended(program: str, *arguments: object) -> tuple[int, str]:
         [sys.executable, "-c", program, *map(str, arguments)],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
         env={**os.environ, "COLUMNS": "200"},
     )

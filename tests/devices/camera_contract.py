@@ -17,7 +17,7 @@ from app.devices.camera_driver import CameraDriver, ControlName, RawFrame, pixel
 from app.errors import DeviceError, DeviceLost, DeviceRefused, DeviceTimeout
 from app.recording.picture import decode, inspect
 
-_SOON_S = 5.0
+_SOON_S = 60.0
 
 
 class CameraContract:

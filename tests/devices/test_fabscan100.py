@@ -123,7 +123,7 @@ class TestInRealTime:
         table.move_to(3.0)
         emulator.reset()
         wait_until(lambda: bool(plant_state(emulator).outputs_on))
-        wait_until(lambda: not plant_state(emulator).outputs_on, timeout_s=1.0)
+        wait_until(lambda: not plant_state(emulator).outputs_on)
         reached = table.move_to(6.0)
         assert plant_state(emulator).angle_deg == pytest.approx(reached, abs=0.01)
 
@@ -135,7 +135,7 @@ class TestInRealTime:
         mover.start()
         wait_until(lambda: plant_state(emulator).angle_deg > 5.0)
         emulator.reset()
-        mover.join(10.0)
+        mover.join(60.0)
         true = plant_state(emulator).angle_deg
         assert told[0].lowest_deg - 0.2 <= true <= told[0].highest_deg + 0.2
         assert told[0].highest_deg - told[0].lowest_deg < 8.0

@@ -174,7 +174,7 @@ def _identified(case: Case, link: Path) -> Outcome:
             time.sleep(0.2)
         if not case.resets:
             started_s = 8.0 if case.board == "marlin" else 1.6
-            wait_until(lambda: emulator.clock.now_s() > started_s, timeout_s=20.0)
+            wait_until(lambda: emulator.clock.now_s() > started_s, timeout_s=60.0)
             plant.switch(0, True, emulator.clock.now_s())
         before = len(plant.events)
         if case.noise is not None:

@@ -110,7 +110,7 @@ def test_a_damaged_picture_is_left_to_be_counted(webcam: FakeWebcam, nodes: Vide
     try:
         camera.fresh_frame()
         webcam.makes_jpeg = lambda image: encode(image, "jpeg")[:2000]
-        wait_s = time.monotonic() + 5.0
+        wait_s = time.monotonic() + 60.0
         while camera.state.lost < 3 and time.monotonic() < wait_s:
             time.sleep(0.01)
         assert camera.state.lost >= 3
@@ -330,7 +330,7 @@ def test_a_read_that_hangs_holds_nobody_up(webcam: FakeWebcam, nodes: VideoNodes
     with pytest.raises(DeviceLost):
         driver.grab(0.05)
     webcam.hang.set()
-    deadline_s = time.monotonic() + 5.0
+    deadline_s = time.monotonic() + 60.0
     while webcam.is_busy and time.monotonic() < deadline_s:
         time.sleep(0.005)
     assert not webcam.is_busy

@@ -17,7 +17,7 @@ from app.simulation.firmware.kernel import Firmware
 from app.simulation.firmware.plant import Plant, PlantState, Wiring
 from app.simulation.firmware.port import EmulatedPort
 
-_SOON_S = 5.0
+_SOON_S = 60.0
 
 
 class TurntableContract:
@@ -204,9 +204,9 @@ class TurntableContract:
         emulator.silence(600.0)
         with pytest.raises(DeviceError):
             table.set_laser(channel, True)
-        wait_until(lambda: not plant_state(emulator).outputs_on, 1.0)
+        wait_until(lambda: not plant_state(emulator).outputs_on)
         # In real seconds, as the driver's patience is: half a second, and what a busy machine adds.
-        assert all(lit_s / self.rate < 1.0 for lit_s in _lit_times(emulator, began_s))
+        assert all(lit_s / self.rate < 2.0 for lit_s in _lit_times(emulator, began_s))
         emulator.silence(0.0)
         table.set_laser(channel, True)
         assert len(plant_state(emulator).outputs_on) == 1

@@ -72,15 +72,13 @@ def test_a_scan_can_rest_and_go_on_and_be_cancelled(
         job = runner.submit("scan", "a ball", work, needs_bench=True)
         _wait(lambda: runner.job(job.id).done > 5)
         runner.pause(job.id)
-        _wait(lambda: _rests(folder))
-        assert bench.world is not None
-        assert not bench.world.plant.at(bench.world.clock.now_s()).outputs_on
+        _wait(lambda: _rests(folder) and _is_dark(bench))
         seen = len(Recording.open(folder).entries)
         runner.resume(job.id)
         _wait(lambda: len(Recording.open(folder).entries) > seen)
         runner.cancel(job.id)
         assert _ended(runner, job.id).state is JobState.CANCELLED
-        assert not bench.world.plant.at(bench.world.clock.now_s()).outputs_on
+        assert _is_dark(bench)
         assert len(Recording.open(folder).entries) > seen
 
 
@@ -93,6 +91,11 @@ def test_a_checkup_job_reports(runner: JobRunner, bench: Bench, tmp_path: Path) 
 
 def _described(rate: float) -> BenchDescription:
     return simulated_description("horus", object="sphere", width=320, height=240, rate=rate)
+
+
+def _is_dark(bench: Bench) -> bool:
+    assert bench.world is not None
+    return not bench.world.plant.at(bench.world.clock.now_s()).outputs_on
 
 
 def _rests(folder: Path) -> bool:

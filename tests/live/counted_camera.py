@@ -18,7 +18,7 @@ from app.recording.picture import encode
 from app.vision.stripe import Image
 
 SIZE = (320, 240)
-SOON_S = 10.0
+SOON_S = 60.0
 
 
 class CountedCamera:

@@ -117,7 +117,7 @@ def later(delay_s: float, do: Callable[[], None]) -> threading.Timer:
     return timer
 
 
-def wait_until(is_so: Callable[[], bool], timeout_s: float = 5.0) -> None:
+def wait_until(is_so: Callable[[], bool], timeout_s: float = 60.0) -> None:
     ends = time.monotonic() + timeout_s
     while not is_so():
         assert time.monotonic() < ends, "it never came to be"

@@ -57,7 +57,7 @@ class Tab:
 
 
 @contextlib.contextmanager
-def browser(profile: Path, width: int = 900, height: int = 600) -> Iterator[Tab]:
+def browser(profile: Path, width: int = 640, height: int = 420) -> Iterator[Tab]:
     """A browser with one empty page.
 
     Args:

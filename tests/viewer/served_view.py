@@ -28,7 +28,7 @@ from app.viewer.cloud_view import CloudView
 from app.viewer.page import viewer_page
 from app.viewer.proxy import SOCKET_OPTIONS, view_routes
 
-DEADLINE_S = 20.0
+DEADLINE_S = 60.0
 
 
 def wait_until(is_so: Callable[[], bool], timeout_s: float = DEADLINE_S) -> None:

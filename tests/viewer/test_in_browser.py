@@ -43,12 +43,12 @@ def test_the_cloud_grows_before_the_eyes_of_a_browser(tmp_path: Path) -> None:
         empty = _coloured(tab.picture())
         for number in range(60):
             view.add(profile(number, points=200))
-        few = _grown(tab, empty + 1000)
+        few = _grown(tab, empty + 400)
         view.show_rig(standard_rig(640, 480).rig)
         for number in range(60, 180):
             view.add(profile(number, points=200))
         view.turn_to(0.5)
-        many = _grown(tab, _coloured(few) + 1000)
+        many = _grown(tab, _coloured(few) + 400)
         cv2.imwrite(str(tmp_path / "few.png"), few)
         cv2.imwrite(str(tmp_path / "many.png"), many)
         # Nothing of viser's own panel is to be seen.
