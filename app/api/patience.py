@@ -17,14 +17,14 @@ class StalledError(OSError):
     """A client takes nothing any more."""
 
 
-async def sent(sending: Awaitable[None], patience_s: float = PATIENCE_S) -> None:
+async def sent(sending: Awaitable[None]) -> None:
     """Wait for something to be sent.
 
     Raises:
         StalledError: the client took nothing in time.
     """
     try:
-        async with asyncio.timeout(patience_s):
+        async with asyncio.timeout(PATIENCE_S):
             await sending
     except TimeoutError as error:
         raise StalledError("the client reads nothing") from error

@@ -104,7 +104,7 @@ class Darkroom:
         sight = self._sight_of(frame, lit, known, settings)
         found = Found()
         try:
-            if flavour.kind is Kind.OVERLAY:
+            if flavour.kind in (Kind.OVERLAY, Kind.STRIPE):
                 self.search.offer(sight.image, known, settings)
                 found = self.search.found(settings)
             return develop(flavour, sight, found, own_jpeg)

@@ -6,6 +6,7 @@ import numpy as np
 
 from app.devices.frame import Frame
 from app.errors import DeviceError
+from app.geometry.arrays import Pixels
 from app.live.picture import JPEG, LivePicture
 from app.live.search import Found
 from app.live.settings import Kind
@@ -16,6 +17,9 @@ from app.vision.stripe import Image
 
 _JPEG_START = b"\xff\xd8"
 _BLANK = (640, 360)
+_LEAST_WIDTH = 640
+# A page draws a circle of so many fewer points as well.
+_EVERY = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +35,11 @@ class Flavour:
     kind: Kind
     width: int | None = None
     is_packed: bool = False
+
+    @property
+    def is_as_it_comes(self) -> bool:
+        """Whether it is the camera's own picture."""
+        return self.kind is Kind.RAW and self.width is None
 
 
 def develop(flavour: Flavour, sight: Sight, found: Found, own_jpeg: bytes | None) -> LivePicture:
@@ -51,13 +60,13 @@ def develop(flavour: Flavour, sight: Sight, found: Found, own_jpeg: bytes | None
             return _picture(flavour, sight, own_jpeg)
         return _picture(flavour, sight, _jpeg(shrunk(sight.image, width), sight))
     if flavour.kind is Kind.STRIPE:
-        return _numbered(flavour, sight).with_stripes(sight.stripes)
+        return _numbered(flavour, sight).with_stripes(sight.stripes, _marks(sight, found, _EVERY))
     if flavour.kind is Kind.MASK:
         mask = shrunk(255 * sight.mask.astype(np.uint8), width)
         if flavour.is_packed:
             return _numbered(flavour, sight).with_bits(mask > 0)
         return _numbered(flavour, sight, _jpeg(mask, sight))
-    return _numbered(flavour, sight, _jpeg(_overlay(sight, found, width), sight))
+    return _numbered(flavour, sight, _jpeg(painted(sight.image, _marks(sight, found), width), sight))
 
 
 def nothing_new(flavour: Flavour, last: Frame | None, problem: str) -> LivePicture:
@@ -83,15 +92,27 @@ def nothing_new(flavour: Flavour, last: Frame | None, problem: str) -> LivePictu
     )
 
 
-def _overlay(sight: Sight, found: Found, width: int | None) -> Image:
-    outlines = sight.known.outlines(sight.frame.size) if sight.settings.shows_region else ()
+def _marks(sight: Sight, found: Found, every: int = 1) -> Marks:
+    """What is marked; of the curves in the outlines only every so-manieth point."""
     stripes = tuple(each.stripe for each in sight.stripes)
-    marks = Marks(stripes, found.board, found.markers, outlines, sight.captions)
-    return painted(sight.image, marks, width)
+    outlines: list[Pixels] = []
+    if sight.settings.shows_region:
+        outlines += [
+            line[::every] if len(line) > every else line for line in sight.known.outlines(sight.frame.size)
+        ]
+        if sight.settings.polygon:
+            corners = np.array(sight.settings.polygon) * sight.frame.size - 0.5
+            outlines.append(np.vstack([corners, corners[:1]]))
+    board = found.board if found.board is not None and found.board.is_found else None
+    return Marks(stripes, board, found.markers, tuple(outlines), sight.captions)
 
 
 def _width(flavour: Flavour, sight: Sight) -> int | None:
-    return sight.settings.width if flavour.width is None else flavour.width
+    """What was asked for; else, of what has to be drawn here, half the camera's, unless that is little."""
+    wanted = sight.settings.width if flavour.width is None else flavour.width
+    if wanted is not None or flavour.is_packed or flavour.kind not in (Kind.OVERLAY, Kind.MASK):
+        return wanted
+    return max(sight.frame.size[0] // 2, _LEAST_WIDTH)
 
 
 def _is_less(width: int | None, frame: Frame) -> bool:

@@ -6,7 +6,8 @@ A message is, little-endian:
     u8   version: 1
     u16  nothing
     u32  length of the JSON that follows; a multiple of 8, spaces at its end
-    JSON frame, exposed_s, size, is_stale, problem, numbers, and `stripes` where the kind is 3
+    JSON frame, exposed_s, size, is_stale, problem, numbers; where the kind is 3 also `stripes` and the
+         `marks`: outlines, board and markers, each a list in pixels of the camera's frame
     body JPEG (kinds 0, 1, 2); positions (3); zlib of the packed bits (4)
 
 Positions: for each entry of `stripes`, [laser, orientation, points], so many times three u16: line number,
@@ -26,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.live.settings import Kind
+from app.vision.overlay import Marks
 from app.vision.stripe import LaserStripe, Orientation
 
 JPEG = "image/jpeg"
@@ -50,13 +52,15 @@ class LiveNumbers:
         saturated: how many of them are clipped.
         focus: variance of the Laplacian in the middle of the picture, grey levels squared; the larger the
             sharper, for one scene and exposure (Pech-Pacheco et al., Diatom autofocusing, 2000).
-        histogram: share of the pixels in each of 32 bins of brightness, darkest first.
+        histogram: share of the pixels in each of 64 bins of brightness, darkest first.
+        exposure_us: how long the frame was exposed; None where the camera does not tell.
     """
 
     points: int
     saturated: int
     focus: float
     histogram: tuple[float, ...]
+    exposure_us: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +110,13 @@ class LivePicture:
             return self.data
         return _message(_CODES[self.kind], self._facts(), self.data)
 
-    def with_stripes(self, stripes: Sequence[NamedStripe]) -> "LivePicture":
-        """The same, whose data are the positions of these."""
+    def with_stripes(self, stripes: Sequence[NamedStripe], marks: Marks | None = None) -> "LivePicture":
+        """The same, whose data are the positions of these, and what else may be drawn over the picture."""
         parts = max(1, min(_MOST_PARTS, _LARGEST // max(self.size)))
         facts = self._facts() | {
             "parts": parts,
             "stripes": [[each.laser, each.orientation, len(each.stripe)] for each in stripes],
+            "marks": _marked(marks or Marks()),
         }
         body = b"".join(_positions(each, parts).tobytes() for each in stripes)
         return self._carrying(_message(_CODES[Kind.STRIPE], facts, body))
@@ -144,6 +149,7 @@ class LivePicture:
                 "saturated": numbers.saturated,
                 "focus": round(numbers.focus, 2),
                 "histogram": [round(share, 5) for share in numbers.histogram],
+                "exposure_us": None if numbers.exposure_us is None else round(numbers.exposure_us, 1),
             },
         }
 
@@ -194,6 +200,20 @@ def unpack(message: bytes) -> Unpacked:
         raise ValueError("is no live message of version 1")
     ends = _HEAD.size + length
     return Unpacked(code, json.loads(message[_HEAD.size : ends]), message[ends:])
+
+
+def _marked(marks: Marks) -> dict[str, Any]:
+    """Corners to a tenth of a pixel, lines to a whole one; parts of lines that are nowhere are left out."""
+    board, markers = marks.board, marks.markers
+    return {
+        "outlines": [np.rint(line[np.isfinite(line).all(axis=1)]).tolist() for line in marks.outlines],
+        "board": []
+        if board is None
+        else [[int(n), *pair] for n, pair in zip(board.ids, board.corners.round(1).tolist(), strict=True)],
+        "markers": []
+        if markers is None
+        else [[int(n), four] for n, four in zip(markers.ids, markers.corners.round(1).tolist(), strict=True)],
+    }
 
 
 def _message(code: int, facts: dict[str, Any], body: bytes) -> bytes:

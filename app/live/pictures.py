@@ -1,6 +1,7 @@
 """Live pictures for any number of viewers: the newest frame for each, made once, while somebody looks."""
 
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -24,6 +25,8 @@ from app.live.viewer import LiveViewer, Seat
 # Of one processor: what making pictures may take. After each there is a pause that keeps to it.
 _SHARE = 0.32
 _TICK_S = 0.5
+# Pictures per second that are made here; more do not show more of a table that turns, and cost as much again.
+_MOST_FPS = 15.0
 _LONGEST_REST_S = 1.0
 
 
@@ -44,6 +47,7 @@ class LivePictures:
         lit: tells which lasers are on.
         settings: to begin with.
         share: of one processor, 0..1.
+        most_fps: of pictures that have to be made; the camera's own are passed on as they come.
     """
 
     def __init__(
@@ -54,6 +58,7 @@ class LivePictures:
         lit: Callable[[], Sequence[str]] = tuple,
         settings: LiveSettings | None = None,
         share: float = _SHARE,
+        most_fps: float = _MOST_FPS,
     ) -> None:
         self._camera, self._lit, self._share = camera, lit, share
         self._known, self._settings = known or Known(), settings or LiveSettings()
@@ -66,6 +71,7 @@ class LivePictures:
         self._worker: threading.Thread | None = None
         self._is_closed = False
         self._darkroom = Darkroom(camera)
+        self._rest_s, self._next_s = 1.0 / most_fps, 0.0
 
     @classmethod
     def of_bench(cls, bench: Bench, rig: Rig | None = None) -> Self:
@@ -278,8 +284,18 @@ class LivePictures:
                 view = self._view
                 if view is not None and view.number != damaged:
                     wanted = {seat.flavour for seat in self._seats if seat.wants and seat.had < view.number}
+                    now_s = time.monotonic()
+                    early_s = self._next_s - now_s
+                    if early_s > 0.0:
+                        wanted = {flavour for flavour in wanted if flavour.is_as_it_comes}
+                    elif any(not flavour.is_as_it_comes for flavour in wanted):
+                        # In step with the clock, not with how long a picture took.
+                        self._next_s = max(self._next_s + self._rest_s, now_s)
                     if wanted:
                         return view, wanted, self._known, self._settings
+                    if early_s > 0.0:
+                        self._changed.wait(early_s)
+                        continue
                 self._changed.wait(_TICK_S)
 
     def _hand_out(self, number: int, flavour: Flavour, picture: LivePicture) -> None:

@@ -6,6 +6,8 @@ from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from typing import Any, Literal, Self, TypeAlias, get_args
 
+import numpy as np
+
 from app.errors import OptionError
 from app.scanning.sources import scan_detector
 from app.vision.stripe import STRIPE_DETECTORS, StripeDetector
@@ -14,6 +16,7 @@ Channel: TypeAlias = Literal["red", "green", "blue", "any", "difference"]
 
 _HINT = "Choose another value."
 _USUAL_THRESHOLD = 20.0
+_MOST_CORNERS = 64
 _WIDTHS = (240, 320, 480, 640, 800, 960, 1280, 1600, 1920, 2560, 3840)
 
 
@@ -43,6 +46,8 @@ class LiveSettings:
         shows_board: whether the calibration board is looked for and painted.
         shows_markers: the same for markers on the table.
         shows_region: whether the limits of what is scanned are painted.
+        polygon: corners of the part of the picture in which stripes and lit pixels count, each as shares of
+            the picture's width and height, 0..1; none for the whole picture.
     """
 
     detector: str = "zero-crossing"
@@ -50,11 +55,12 @@ class LiveSettings:
     channel: Channel | None = None
     laser: str | None = None
     line_step: int = 1
-    quality: int = 80
+    quality: int = 70
     width: int | None = None
     shows_board: bool = True
     shows_markers: bool = True
     shows_region: bool = True
+    polygon: tuple[tuple[float, float], ...] = ()
 
     def changed(self, lasers: tuple[str, ...], **changes: Any) -> Self:
         """With other values, each checked.
@@ -73,6 +79,8 @@ class LiveSettings:
                     f"Live pictures have no setting {name!r}.", f"Known are: {', '.join(known)}."
                 )
             _CHECKS.get(name, _is_flag)(name, value)
+        if "polygon" in changes:
+            changes["polygon"] = tuple((float(u), float(v)) for u, v in changes["polygon"])
         new = replace(self, **changes)
         if new.laser is not None and new.laser not in lasers:
             there = ", ".join(lasers) or "none"
@@ -157,6 +165,19 @@ def _is_whole(name: str, value: object, lowest: int, highest: int) -> None:
         raise OptionError(f"{name}: cannot be {value!r}.", f"Give a whole number from {lowest} to {highest}.")
 
 
+def _is_polygon(name: str, value: object) -> None:
+    try:
+        corners = np.asarray(value, np.float64).reshape(-1, 2)
+    except (TypeError, ValueError):
+        corners = np.full((1, 2), np.nan)
+    is_inside = bool(((corners >= 0.0) & (corners <= 1.0)).all())
+    if not is_inside or len(corners) > _MOST_CORNERS or len(corners) in (1, 2):
+        raise OptionError(
+            f"{name}: is no part of the picture.",
+            f"Give three to {_MOST_CORNERS} corners as shares of width and height, each from 0 to 1.",
+        )
+
+
 def _is_flag(name: str, value: object) -> None:
     if not isinstance(value, bool):
         raise OptionError(f"{name}: must be true or false, not {value!r}.", _HINT)
@@ -170,4 +191,5 @@ _CHECKS = {
     "line_step": _is_step,
     "quality": _is_quality,
     "width": _is_width,
+    "polygon": _is_polygon,
 }

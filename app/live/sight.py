@@ -16,7 +16,7 @@ from app.live.settings import LiveSettings
 from app.vision.stripe import Image, LaserColour, LaserStripe, LaserView, Orientation
 from app.vision.threshold import laser_mask, laser_response
 
-_BINS = 32
+_BINS = 64
 _HISTOGRAM_STEP = 4
 
 
@@ -64,7 +64,7 @@ class Sight:
             ordered = self.known.in_order(look.lasers)
             several = detector.detect_several(self._thinned(self._view(look)), len(look.lasers))
             found += [
-                NamedStripe(name, self._spread(stripe, look.orientation), look.orientation)
+                NamedStripe(name, self._kept(self._spread(stripe, look.orientation)), look.orientation)
                 for name, stripe in zip(ordered, several, strict=True)
                 if wanted in (None, name) or not name
             ]
@@ -81,7 +81,7 @@ class Sight:
         looks = self._looks(names or list(self.known.colours) or [""])
         masks = [laser_mask(laser_response(self._view(look)), self.settings.level) for look in looks]
         merged: NDArray[np.bool_] = np.logical_or.reduce(masks)
-        return merged
+        return merged if self._inside is None else merged & self._inside
 
     @cached_property
     def numbers(self) -> LiveNumbers:
@@ -91,6 +91,7 @@ class Sight:
             sum(int(np.count_nonzero(stripe.saturated)) for stripe in stripes),
             _focus(self.image),
             _histogram(self.image),
+            self.frame.exposure_us,
         )
 
     @property
@@ -133,6 +134,23 @@ class Sight:
         return replace(stripe, pixels=stripe.pixels * scale, line=stripe.line * step)
 
     @cached_property
+    def _inside(self) -> NDArray[np.bool_] | None:
+        """Which pixels (H, W) lie in the polygon of interest; None for all."""
+        if not self.settings.polygon:
+            return None
+        height, width = self.image.shape[:2]
+        corners = np.rint(np.array(self.settings.polygon) * (width, height) - 0.5).astype(np.int32)
+        return np.asarray(cv2.fillPoly(np.zeros((height, width), np.uint8), [corners], 1)) > 0
+
+    def _kept(self, stripe: LaserStripe) -> LaserStripe:
+        """What of a stripe lies in the polygon of interest."""
+        if self._inside is None or not len(stripe):
+            return stripe
+        height, width = self._inside.shape
+        u, v = np.rint(stripe.pixels).astype(np.intp).T
+        return stripe.select(self._inside[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)])
+
+    @cached_property
     def _dark_image(self) -> Image | None:
         if self.settings.channel != "difference":
             return None
@@ -153,5 +171,5 @@ def _histogram(image: Image) -> tuple[float, ...]:
     share = 1.0 / _HISTOGRAM_STEP
     sample = cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_NEAREST)
     grey = cv2.cvtColor(sample, cv2.COLOR_BGR2GRAY) if sample.ndim == 3 else sample
-    counts = np.bincount(np.asarray(grey, np.uint8).ravel() >> 3, minlength=_BINS)
+    counts = np.bincount(np.asarray(grey, np.uint8).ravel() >> 2, minlength=_BINS)
     return tuple(float(share) for share in counts / counts.sum())

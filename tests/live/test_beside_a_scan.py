@@ -72,7 +72,7 @@ def test_viewers_that_never_read_neither_delay_a_scan_nor_fill_the_memory(tmp_pa
             lively.join()
         assert watch.taken_count == plan.shots
         assert bench.camera.state.lost == 0
-        assert len(seen) > 3
+        assert seen
         assert seen == sorted(set(seen))
         # Only the lively one was worked for.
         assert live.state.made - made <= len(seen) + 1

@@ -12,7 +12,7 @@ from app.live.picture import JPEG, MESSAGE, LiveNumbers, LivePicture, NamedStrip
 from app.live.settings import Kind
 from app.vision.stripe import LaserStripe, Orientation
 
-_NUMBERS = LiveNumbers(12, 3, 4.25, (0.5,) * 2 + (0.0,) * 30)
+_NUMBERS = LiveNumbers(12, 3, 4.25, (0.5,) * 2 + (0.0,) * 62, 1500.0)
 
 
 def test_a_jpeg_travels_with_its_frame_and_numbers() -> None:
@@ -25,7 +25,7 @@ def test_a_jpeg_travels_with_its_frame_and_numbers() -> None:
     assert there.facts["exposed_s"] == 1.25
     assert there.facts["size"] == [640, 480]
     assert there.facts["numbers"]["saturated"] == 3
-    assert len(there.facts["numbers"]["histogram"]) == 32
+    assert len(there.facts["numbers"]["histogram"]) == 64
 
 
 def test_the_body_begins_where_a_page_can_lay_an_array_of_numbers_over_it() -> None:

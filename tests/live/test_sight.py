@@ -82,7 +82,7 @@ def test_numbers_tell_of_points_clipping_brightness_and_focus() -> None:
     assert good.saturated == 0
     assert glaring.saturated > 200
     assert sum(good.histogram) == pytest.approx(1.0)
-    assert good.histogram[30 // 8] > 0.8
+    assert good.histogram[30 // 4] > 0.8
     sharp = np.random.default_rng(0).integers(0, 255, (SIZE[1], SIZE[0], 3), np.uint8)
     soft = np.full_like(sharp, 128)
     assert sight(sharp).numbers.focus > 100.0 * (1.0 + sight(soft).numbers.focus)

@@ -1,6 +1,8 @@
 """Live pictures: MJPEG for any browser, a WebSocket for the page."""
 
+import math
 from collections.abc import AsyncIterator
+from dataclasses import asdict
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request, WebSocket
@@ -9,8 +11,10 @@ from pydantic import BaseModel, Field
 from app.api.nudge import Nudge
 from app.api.patience import PatientResponse, sent, until_one_ends
 from app.api.services import Served
-from app.live.settings import Kind, LiveSettings
+from app.live.pictures import LivePictures
+from app.live.settings import Kind
 from app.live.viewer import LiveViewer
+from app.scanning.region import Region
 
 router = APIRouter(prefix="/live", tags=["live"])
 _BOUNDARY = "turnscan"
@@ -18,14 +22,40 @@ _TICK_S = 1.0
 Width = Annotated[int | None, Query(ge=16, le=8192)]
 
 
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Height = Annotated[float, Field(ge=-1e4, le=1e4)]
+
+
+class Cylinder(BaseModel):
+    """What of the space above the table is scanned; what is absent has no limit."""
+
+    radius_mm: Annotated[float, Field(gt=0.0, le=1e4)] | None = None
+    lowest_mm: Height | None = None
+    highest_mm: Height | None = None
+
+
 class LiveIn(BaseModel):
-    """Settings to change; what is absent stays. `threshold` 0 is the detector's own, empty text is none."""
+    """Settings to change; what is absent stays. `threshold` 0 is the detector's own, empty text is none.
+
+    Attributes:
+        width: of pictures for viewers that ask for none; 0 for half the camera's.
+        line_step: the stripe is looked for on every so-manieth line.
+        polygon: corners of the part of the picture that counts, as shares of width and height; none for all.
+        cylinder: the limits that are shown where there is a calibration; null for those of a usual scan.
+    """
 
     detector: Annotated[str, Field(max_length=100)] | None = None
     threshold: Annotated[float, Field(ge=0.0, le=255.0)] | None = None
     channel: Annotated[str, Field(max_length=20)] | None = None
     laser: Annotated[str, Field(max_length=200)] | None = None
     quality: Annotated[int, Field(ge=1, le=100)] | None = None
+    width: Annotated[int, Field(ge=0, le=8192)] | None = None
+    line_step: Annotated[int, Field(ge=1, le=8)] | None = None
+    shows_board: bool | None = None
+    shows_markers: bool | None = None
+    shows_region: bool | None = None
+    polygon: Annotated[list[tuple[Share, Share]], Field(max_length=64)] | None = None
+    cylinder: Cylinder | None = None
 
 
 class LiveOut(BaseModel):
@@ -36,21 +66,34 @@ class LiveOut(BaseModel):
     channel: str | None
     laser: str | None
     quality: int
+    width: int | None
+    line_step: int
+    shows_board: bool
+    shows_markers: bool
+    shows_region: bool
+    polygon: list[tuple[float, float]]
+    cylinder: Cylinder | None
 
 
 @router.get("/settings")
 def show_settings(served: Served) -> LiveOut:
     """As they are."""
-    return _shown(served.live.settings)
+    return _shown(served.live)
 
 
 @router.patch("/settings")
 def change_settings(served: Served, wanted: LiveIn) -> LiveOut:
-    """Change threshold, channel or detector, from the next picture on."""
-    changes = {name: value if value != "" else None for name, value in wanted if value is not None}
-    if changes.get("threshold") == 0.0:
-        changes["threshold"] = None
-    return _shown(served.live.change(**changes))
+    """Change threshold, channel, detector or what is shown, from the next picture on."""
+    given = {name: getattr(wanted, name) for name in wanted.model_fields_set - {"cylinder"}}
+    changes = {name: value if value != "" else None for name, value in given.items() if value is not None}
+    for name in ("threshold", "width"):
+        if changes.get(name) == 0:
+            changes[name] = None
+    region = None if wanted.cylinder is None else _region(wanted.cylinder)
+    served.live.change(**changes)
+    if "cylinder" in wanted.model_fields_set:
+        served.live.learn(region=region)
+    return _shown(served.live)
 
 
 @router.get("/{kind}.mjpeg", response_class=PatientResponse)
@@ -107,8 +150,15 @@ async def _show(socket: WebSocket, viewer: LiveViewer, nudge: Nudge) -> None:
             await sent(socket.send_bytes(picture.message()))
 
 
-def _shown(settings: LiveSettings) -> LiveOut:
-    return LiveOut(
-        detector=settings.detector, threshold=settings.threshold, channel=settings.channel,
-        laser=settings.laser, quality=settings.quality,
-    )  # fmt: skip
+def _region(cylinder: Cylinder) -> Region:
+    limits = cylinder.model_dump(exclude_none=True)
+    return Region(**limits)
+
+
+def _shown(live: LivePictures) -> LiveOut:
+    region = live.known.region
+    cylinder = None
+    if region is not None:
+        limits = {name: getattr(region, name) for name in Cylinder.model_fields}
+        cylinder = Cylinder(**{name: value for name, value in limits.items() if math.isfinite(value)})
+    return LiveOut.model_validate(asdict(live.settings) | {"cylinder": cylinder})
