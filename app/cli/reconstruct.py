@@ -13,6 +13,7 @@ from app.cli.console import check_output, progress_bar, say, warn
 from app.cli.reconstruction_lines import reconstruction_lines
 from app.errors import OptionError
 from app.recording.reader import Recording
+from app.scanning.drift import DriftReference
 from app.scanning.reconstruct import ReconstructionOptions
 from app.scanning.sources import reconstruct_recording, scan_detector
 from app.surface.ply import PlyWriter
@@ -67,7 +68,12 @@ def reconstruct_command(
         skips_bad_frames=skip_bad_frames,
     )
     run = reconstruct_recording(
-        Recording.open(recording), rig, scan_detector(detector), options, layout_of(record) or None
+        Recording.open(recording),
+        rig,
+        scan_detector(detector),
+        options,
+        layout_of(record) or None,
+        DriftReference.kept_in(record.extra),
     )
     painter = PreviewPainter()
     target = sys.stdout.buffer if output == _STREAM else output

@@ -25,4 +25,7 @@ def reconstruction_lines(report: ReconstructionReport) -> list[str]:
         f"calibration, {table.rms_mm:.3f} mm RMS flat (by its {table.source})"
         for table in report.tables
     ]
+    if report.drift.findings:
+        found = ", ".join(f"{f.name} {f.value:.3f} {f.unit}" for f in report.drift.findings)
+        lines.append(f"Drift            {report.drift.level}: {found}")
     return lines

@@ -9,7 +9,7 @@ from app.calibration.plan import CalibrationPlan
 from app.calibration.proof import Proof, Verdict, prove
 from app.calibration.views import gather
 from app.errors import CalibrationError
-from app.jobs.table_height import OnProgress, with_table
+from app.jobs.table_height import OnProgress, with_reference, with_table
 from app.vision.stripe import StripeDetector
 
 PROOF_KEY = "proof"
@@ -31,7 +31,8 @@ def solve_captured(
         CalibrationError, FrameError: as `calibrate_captured`.
     """
     outcome = calibrate_captured(captured.recording, detector, plan, show)
-    outcome = replace(outcome, record=with_table(outcome.record, [captured.recording], show))
+    record = with_table(outcome.record, [captured.recording], show)
+    outcome = replace(outcome, record=with_reference(record, [captured.recording], show))
     if captured.proof is None:
         return outcome, None
     try:

@@ -20,6 +20,7 @@ from app.library.again import DETECTOR, reconstruct_again
 from app.library.library import Library
 from app.recording.manifest import FrameEntry
 from app.recording.reader import Recording
+from app.scanning.drift import DriftReference
 from app.scanning.live import LivePoints
 from app.scanning.plan import ScanPlan
 from app.scanning.profile import Profile
@@ -113,7 +114,11 @@ def reconstruct_work(
             job.progress(done, total, f"{points} points")
 
         again = reconstruct_again(library, name, record, detector, options, progress)
-        return {"cloud": again.cloud.name, "points": again.report.points, "doubts": list(again.report.doubts)}
+        report = again.report
+        return {
+            "cloud": again.cloud.name, "points": report.points, "doubts": list(report.doubts),
+            "drift": report.drift.as_json(),
+        }  # fmt: skip
 
     return work
 
@@ -207,7 +212,12 @@ def _reconstructed(
 ) -> Mapping[str, Any]:
     cloud = order.folder / CLOUD_FILE
     run = reconstruct_recording(
-        recording, record.rig, scan_detector(order.detector), order.options, layout_of(record) or None
+        recording,
+        record.rig,
+        scan_detector(order.detector),
+        order.options,
+        layout_of(record) or None,
+        DriftReference.kept_in(record.extra),
     )
     painter = PreviewPainter()
     with PlyWriter(cloud, run.laser_names) as ply:
@@ -220,7 +230,10 @@ def _reconstructed(
     report = run.report()
     for sentence in (*report.warnings, *report.doubts):
         job.say(sentence)
-    return {"cloud": str(cloud), "points": report.points, "doubts": list(report.doubts)}
+    return {
+        "cloud": str(cloud), "points": report.points, "doubts": list(report.doubts),
+        "drift": report.drift.as_json(),
+    }  # fmt: skip
 
 
 def _stop(bench: Bench) -> None:

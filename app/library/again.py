@@ -20,6 +20,7 @@ from app.library.thumbnail import paint_thumbnail
 from app.library.work import changing, settle, work_folder
 from app.recording.reader import Recording
 from app.scanning.reconstruct import ReconstructionOptions
+from app.scanning.drift import DriftReference
 from app.scanning.report import ReconstructionReport
 from app.scanning.sources import reconstruct_recording, scan_detector
 from app.surface.ply import PlyWriter
@@ -77,7 +78,12 @@ def reconstruct_again(
     options = options or ReconstructionOptions()
     began_s = time.monotonic()
     run = reconstruct_recording(
-        Recording.open(folder), record.rig, scan_detector(detector), options, layout_of(record) or None
+        Recording.open(folder),
+        record.rig,
+        scan_detector(detector),
+        options,
+        layout_of(record) or None,
+        DriftReference.kept_in(record.extra),
     )
     painter = PreviewPainter()
     with work_folder(library.folder) as work:
@@ -142,7 +148,7 @@ def _how(
         "format": "turnscan-cloud", "version": 1, "created": created.isoformat(),
         "detector": detector, "options": chosen | limits,
         "points": report.points, "profiles": report.profiles, "seconds": round(took_s, 3),
-        "warnings": list(report.warnings), "doubts": list(report.doubts),
+        "warnings": list(report.warnings), "doubts": list(report.doubts), "drift": report.drift.as_json(),
         "calibration": json.loads(record.to_bytes()),
     }  # fmt: skip
     return json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False).encode() + b"\n"

@@ -14,6 +14,7 @@ from app.recording.shot import Shot
 from app.scanning.agreement import LaserAgreement, agreement
 from app.scanning.angles import AngleReader
 from app.scanning.colour import colours_at_angle, colours_here, colours_of_strength
+from app.scanning.drift import DriftLevel, DriftReference, find_drift
 from app.scanning.normals import normals_of
 from app.scanning.observe import Observer, Sighting
 from app.scanning.pipeline import ordered_map
@@ -29,6 +30,7 @@ from app.vision.stripe import LaserStripe
 # A stripe shorter than this, in every frame, is no stripe.
 _SHORTEST_STRIPE = 8
 _TABLE_POINTS = 100_000
+_TABLE_POINTS_EACH = 40_000
 _COMPARED_POINTS = 60_000
 _MISPLACED_PX = 1.5
 _DISAGREEMENT_MM = 0.15
@@ -78,6 +80,7 @@ class Reconstruction(Generic[T]):
         total: how many profiles there will be; 0 where nobody knows.
         tables: checks of the table that were made beforehand.
         warnings: what is known beforehand.
+        reference: what the table looked like when the scanner was calibrated.
     """
 
     def __init__(
@@ -92,17 +95,20 @@ class Reconstruction(Generic[T]):
         total: int = 0,
         tables: tuple[TableCheck, ...] = (),
         warnings: tuple[str, ...] = (),
+        reference: DriftReference | None = None,
     ) -> None:
         self.region, self.total = region, total
         self.laser_names = tuple(observer.rig.lasers)
         self._stops, self._load, self._observer, self._angles = stops, load, observer, angles
         self._options, self._tables, self._warnings = options, tables, warnings
+        self._reference = reference
         self._triangulator = Triangulator.of(observer.rig)
         self._waiting: dict[str, tuple[Slice | None, Slice]] = {}
         self._longest: dict[str, int] = {}
         self._skipped: list[SkippedFrame] = []
         self._points = self._profiles = self._outside = 0
         self._near_table = Sample(3, _TABLE_POINTS)
+        self._near_by_laser = {laser: Sample(3, _TABLE_POINTS_EACH) for laser in self.laser_names}
         self._compared = {laser: Sample(6, _COMPARED_POINTS) for laser in self.laser_names}
 
     def __iter__(self) -> Iterator[Profile]:
@@ -138,9 +144,14 @@ class Reconstruction(Generic[T]):
         angles = self._angles.summary()
         agreements = self._agreements()
         tables = list(self._tables)
+        by_laser: dict[str, TableCheck] = {}
         if np.isfinite(self._observer.rig.axis.offset_mm):
             seen = check_by_points(self._near_table.rows)
             tables += [] if seen is None else [seen]
+            checks = {laser: check_by_points(near.rows) for laser, near in self._near_by_laser.items()}
+            by_laser = {laser: check for laser, check in checks.items() if check is not None}
+        now = DriftReference({laser: seen.offset_mm for laser, seen in by_laser.items()})
+        drift = find_drift(by_laser, agreements, angles.marker_rms_px, self._reference)
         doubts: list[str] = []
         if angles.marker_rms_px > _MISPLACED_PX:
             doubts.append(
@@ -154,12 +165,15 @@ class Reconstruction(Generic[T]):
             for pair in agreements
             if pair.disagreement_mm > _DISAGREEMENT_MM
         ]
+        if drift.level is DriftLevel.DRIFTED and drift.findings[0].name != "markers":
+            doubts = [*drift.sentences, *doubts]
         warnings = [*self._warnings]
+        warnings += drift.sentences if drift.level is DriftLevel.WATCH else ()
         warnings += [angles.sentence] if angles.sentence else []
         warnings += _told(self._skipped)
         return ReconstructionReport(
             self._points, self._profiles, self._outside, tuple(self._skipped), angles, agreements,
-            tuple(tables), tuple(warnings), tuple(doubts),
+            tuple(tables), drift, now, tuple(warnings), tuple(doubts),
         )  # fmt: skip
 
     def _observe(self, stop: Stop[T]) -> Sighting | SkippedFrame:
@@ -196,6 +210,7 @@ class Reconstruction(Generic[T]):
         )  # fmt: skip
         near = self.region.within_radius(cloud.points) & (np.abs(cloud.points[:, 2]) < REACH_MM)
         self._near_table.add(cloud.points[near])
+        self._near_by_laser[here.laser].add(cloud.points[near])
         inside = self.region.holds(cloud.points)
         self._outside += n - int(np.count_nonzero(inside))
         cloud = cloud.select(inside & (cloud.quality >= self._options.min_quality))

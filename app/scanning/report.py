@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from app.scanning.agreement import LaserAgreement
 from app.scanning.angles import AngleSummary
+from app.scanning.drift import Drift, DriftReference
 from app.scanning.table import TableCheck
 
 
@@ -27,6 +28,8 @@ class ReconstructionReport:
         angles: where the angles came from.
         agreements: every pair of lasers that saw the same surface.
         tables: the table as points and markers show it; empty where neither could tell.
+        drift: what the scan shows of a scanner that has changed since its calibration.
+        drift_reference: how the table looks in this scan, for later ones.
         warnings: sentences for the person, most important first.
         doubts: why the result must not be trusted; empty where it can.
     """
@@ -38,5 +41,7 @@ class ReconstructionReport:
     angles: AngleSummary
     agreements: tuple[LaserAgreement, ...]
     tables: tuple[TableCheck, ...]
+    drift: Drift
+    drift_reference: DriftReference
     warnings: tuple[str, ...]
     doubts: tuple[str, ...]

@@ -13,6 +13,7 @@ from app.recording.reader import Recording
 from app.recording.shot import Role, Shot
 from app.scanning.angles import AngleReader, NominalAngles
 from app.scanning.background import Background
+from app.scanning.drift import DriftReference
 from app.scanning.frames import StopLoader
 from app.scanning.observe import Observer, observer_for, seen_markers, unknown_laser, wrong_size
 from app.scanning.pipeline import ordered_map
@@ -42,6 +43,7 @@ def reconstruct_recording(
     detector: StripeDetector,
     options: ReconstructionOptions | None = None,
     layout: MarkerLayout | None = None,
+    reference: DriftReference | None = None,
 ) -> Reconstruction[FrameEntry]:
     """Everything a recording holds, as profiles; the frames are read while these are asked for.
 
@@ -52,6 +54,7 @@ def reconstruct_recording(
         options: see there.
         layout: where the markers on the table lie, where a calibration knows; else it is solved from the
             recording itself.
+        reference: what the table looked like when the scanner was calibrated, to tell what has changed.
 
     Raises:
         ReconstructionError: the calibration does not belong to the recording, or an angle is missing.
@@ -77,6 +80,7 @@ def reconstruct_recording(
     return Reconstruction(
         stops, loader.load, observer, angles, _region(rig, options, layout),
         options, total=_profiles(stops), tables=tuple(tables), warnings=tuple(warnings),
+        reference=reference,
     )  # fmt: skip
 
 
