@@ -15,7 +15,8 @@ from starlette.requests import HTTPConnection
 from app import api
 from app.access.access import Access
 from app.api.emergency import EmergencyStop
-from app.api.guard import OwnPagesOnly, is_own
+from app.api.guard import Guard, pass_of
+from app.api.login_page import login_routes
 from app.api.metrics import LoopLag, ScannerMetrics, metrics_route
 from app.api.news import NewsDesk
 from app.api.problems import answer_problems
@@ -62,6 +63,7 @@ def create_app(
     """
     access = access or Access.open(settings.folder)
     with ExitStack() as building:
+        building.callback(access.save_seen)
         machine = building.enter_context(_bench(description))
         view = building.enter_context(CloudView())
         building.enter_context(Follower(machine, view))
@@ -115,7 +117,9 @@ def create_app(
     application.mount("/start", StaticFiles(directory=_START))
     application.add_api_route("/", _start_page, include_in_schema=False)
     application.add_middleware(TrafficCounted, traffic=traffic)
-    application.add_middleware(OwnPagesOnly)
+    application.router.routes.extend(login_routes())
+    # Last, so that it comes before everything else.
+    application.add_middleware(Guard, access=access)
     return application
 
 
@@ -132,7 +136,7 @@ def _start_page() -> FileResponse:
 
 
 def _may_enter(connection: HTTPConnection) -> bool:
-    return is_own(connection)
+    return pass_of(connection) is not None
 
 
 def _tell_dark(bus: EventBus, names: tuple[str, ...]) -> None:

@@ -8,18 +8,32 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from starlette.exceptions import HTTPException
 
+from app.api.headers import safe_headers
 from app.errors import (
+    AccessFileError,
     BenchBusy,
+    BinChanged,
+    BodyTooLarge,
+    CalibrationError,
     CalibrationFileError,
     DeviceError,
+    ImportFailed,
     JobRuns,
+    NoPassword,
+    NotLetIn,
+    NotNow,
     NotThere,
     OptionError,
     OutputError,
+    PasswordUnfit,
+    PersonNeeded,
     RecordingError,
+    RefusedHere,
     ScanBusy,
     ScannerError,
     ScanNotFound,
+    TooLarge,
+    TooManyAttempts,
 )
 
 _STATUS: tuple[tuple[type[ScannerError], HTTPStatus], ...] = (
@@ -27,12 +41,25 @@ _STATUS: tuple[tuple[type[ScannerError], HTTPStatus], ...] = (
     (ScanNotFound, HTTPStatus.NOT_FOUND),
     (BenchBusy, HTTPStatus.CONFLICT),
     (ScanBusy, HTTPStatus.CONFLICT),
+    (NotNow, HTTPStatus.CONFLICT),
+    (BinChanged, HTTPStatus.CONFLICT),
+    (TooLarge, HTTPStatus.REQUEST_ENTITY_TOO_LARGE),
+    (ImportFailed, HTTPStatus.UNPROCESSABLE_ENTITY),
     (JobRuns, HTTPStatus.CONFLICT),
     (DeviceError, HTTPStatus.SERVICE_UNAVAILABLE),
     (OutputError, HTTPStatus.INSUFFICIENT_STORAGE),
     (RecordingError, HTTPStatus.UNPROCESSABLE_ENTITY),
     (CalibrationFileError, HTTPStatus.UNPROCESSABLE_ENTITY),
+    (CalibrationError, HTTPStatus.UNPROCESSABLE_ENTITY),
     (OptionError, HTTPStatus.UNPROCESSABLE_ENTITY),
+    (NotLetIn, HTTPStatus.UNAUTHORIZED),
+    (RefusedHere, HTTPStatus.FORBIDDEN),
+    (PersonNeeded, HTTPStatus.FORBIDDEN),
+    (TooManyAttempts, HTTPStatus.TOO_MANY_REQUESTS),
+    (BodyTooLarge, HTTPStatus.REQUEST_ENTITY_TOO_LARGE),
+    (PasswordUnfit, HTTPStatus.UNPROCESSABLE_ENTITY),
+    (NoPassword, HTTPStatus.CONFLICT),
+    (AccessFileError, HTTPStatus.SERVICE_UNAVAILABLE),
 )
 _MEDIA_TYPE = "application/problem+json"
 
@@ -58,8 +85,7 @@ def answer_problems(application: FastAPI) -> None:
 
     @application.exception_handler(ScannerError)
     def expected(request: Request, error: ScannerError) -> JSONResponse:
-        status = next((status for kind, status in _STATUS if isinstance(error, kind)), None)
-        return _answer(error.code, error.message, status or HTTPStatus.BAD_REQUEST, error.hint)
+        return answer_of(error)
 
     @application.exception_handler(RequestValidationError)
     def invalid(request: Request, error: RequestValidationError) -> JSONResponse:
@@ -70,6 +96,26 @@ def answer_problems(application: FastAPI) -> None:
     @application.exception_handler(HTTPException)
     def other(request: Request, error: HTTPException) -> JSONResponse:
         return _answer("http", str(error.detail), HTTPStatus(error.status_code), "")
+
+    @application.exception_handler(Exception)
+    def surprise(request: Request, error: Exception) -> JSONResponse:
+        title = "Something went wrong inside the server."
+        answer = _answer("surprise", title, HTTPStatus.INTERNAL_SERVER_ERROR, "Its log says more.")
+        # It is sent past everything that adds them otherwise.
+        answer.headers.update(safe_headers(request))
+        return answer
+
+
+def answer_of(error: ScannerError) -> JSONResponse:
+    """The answer that tells of it."""
+    found = next((status for kind, status in _STATUS if isinstance(error, kind)), None)
+    status = found or HTTPStatus.BAD_REQUEST
+    answer = _answer(error.code, error.message, status, error.hint)
+    if status == HTTPStatus.UNAUTHORIZED:
+        answer.headers["WWW-Authenticate"] = 'Bearer realm="turnscan"'
+    if isinstance(error, TooManyAttempts):
+        answer.headers["Retry-After"] = str(error.wait_s)
+    return answer
 
 
 def _answer(kind: str, title: str, status: HTTPStatus, hint: str) -> JSONResponse:

@@ -189,7 +189,9 @@ class CalibrationStore:
 
 
 def _documents(folder: Path) -> tuple[Path, ...]:
-    return tuple(sorted(folder.glob("[!.]*.json"), key=lambda path: path.stem))
+    """No links: what is shown and sent is what lies in the folder itself."""
+    found = (path for path in folder.glob("[!.]*.json") if not path.is_symlink())
+    return tuple(sorted(found, key=lambda path: path.stem))
 
 
 def _kept(path: Path, *, is_current: bool) -> KeptCalibration:

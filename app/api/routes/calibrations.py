@@ -133,7 +133,7 @@ def download_opencv(served: Served, name: Name) -> Response:
 def show_report(served: Served, name: Name) -> FileResponse:
     """Residuals, coverage, stripes and wobble, as they were drawn when it was made."""
     path = _kept(served, name).path.with_suffix(".html")
-    if not path.is_file():
+    if path.is_symlink() or not path.is_file():
         raise NotThere(f"The calibration {name!r} has no report.", "Only those that were made here have one.")
     return FileResponse(path, media_type="text/html", headers={"Content-Security-Policy": _REPORT_POLICY})
 
