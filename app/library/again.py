@@ -15,12 +15,13 @@ from app.errors import LibraryError, OutputError
 from app.files import make_folder, reason, write_whole
 from app.library.item import CALIBRATION_FILE, CLOUDS_FOLDER, CloudItem
 from app.library.library import Library
+from app.library.log import write_line
 from app.library.names import free_name
 from app.library.thumbnail import paint_thumbnail
 from app.library.work import changing, settle, work_folder
 from app.recording.reader import Recording
-from app.scanning.reconstruct import ReconstructionOptions
 from app.scanning.drift import DriftReference
+from app.scanning.reconstruct import ReconstructionOptions
 from app.scanning.report import ReconstructionReport
 from app.scanning.sources import reconstruct_recording, scan_detector
 from app.surface.ply import PlyWriter
@@ -99,6 +100,8 @@ def reconstruct_again(
         write_whole(work / "cloud.json", how)
         settle()
         file = _put(library, name, work, created)
+        words = f"Computed {file} with {detector}: {report.points} points."
+        write_line(library.folder_of(name), " ".join([words, *report.warnings, *report.doubts]))
     cloud = next(cloud for cloud in library.scan(name).clouds if cloud.name == file)
     return Again(cloud, report)
 

@@ -6,11 +6,12 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from app.errors import OutputError, ScanBusy, ScanNotFound
+from app.errors import BinChanged, LibraryError, NotThere, OutputError, ScanBusy, ScanNotFound
 from app.files import make_folder, reason
 from app.library.about import write_about
 from app.library.index import Index
-from app.library.item import ScanItem, is_busy
+from app.library.item import CLOUDS_FOLDER, CloudItem, ScanItem, holds_scan, is_busy
+from app.library.log import write_line
 from app.library.names import checked_note, checked_title, free_name, inside, slug
 from app.library.work import changing, settle, work_folder
 from app.library.zip_stream import ZipStream
@@ -45,10 +46,12 @@ class Space:
     Attributes:
         free_bytes: what is left for this user.
         bin_bytes: what emptying the bin would give back.
+        used_bytes: of all scans, the bin left out.
     """
 
     free_bytes: int
     bin_bytes: int
+    used_bytes: int
 
 
 class Library:
@@ -58,10 +61,11 @@ class Library:
 
     Attributes:
         folder: made when something is put into it.
+        upload_bytes: how much may come in over the network at once.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, upload_bytes: int = 4_000_000_000) -> None:
+        self.folder, self.upload_bytes = folder, upload_bytes
         self._index, self._bin = Index(folder), Index(folder / BIN_FOLDER)
 
     def scans(self) -> tuple[ScanItem, ...]:
@@ -76,6 +80,53 @@ class Library:
             return self._index.item(name)
         except FileNotFoundError as error:
             raise ScanNotFound(f"{folder} holds no scan.") from error
+
+    def folder_of(self, name: str) -> Path:
+        """Where a scan lies, without looking at what it is. Raises ScanNotFound."""
+        folder = inside(self.folder, name)
+        try:
+            if holds_scan(folder):
+                return folder
+        except OSError as error:
+            raise OutputError(str(folder), reason(error), "Name a folder that can be read.") from error
+        raise ScanNotFound(f"{folder} holds no scan.")
+
+    def cloud(self, name: str, cloud: str) -> CloudItem:
+        """A cloud of a scan, by its name within the scan; `clouds/` may be left out.
+
+        Raises:
+            ScanNotFound: there is no such scan.
+            NotThere: it has no such cloud.
+        """
+        clouds = {each.name: each for each in self.scan(name).clouds}
+        for wanted in (cloud, f"{CLOUDS_FOLDER}/{cloud}"):
+            if wanted in clouds:
+                return clouds[wanted]
+        raise NotThere(f"The scan {name!r} has no cloud {cloud[:60]!r}.", "Ask for the scan: it lists them.")
+
+    def erase_cloud(self, name: str, cloud: str) -> int:
+        """Erase a cloud for good, with its picture and how it was made; how many bytes that gave back.
+
+        Raises:
+            ScanNotFound: there is no such scan.
+            NotThere: it has no such cloud.
+            LibraryError: the scan would be left with nothing.
+            OutputError: it cannot be erased.
+        """
+        with work_folder(self.folder) as work, changing(self.folder):
+            scan, found = self.scan(name), self.cloud(name, cloud)
+            if not scan.pictures and len(scan.clouds) == 1:
+                raise LibraryError(f"The scan {name!r} has nothing but this cloud.", "Delete the scan.")
+            doomed = [scan.folder / found.name]
+            if found.name.startswith(f"{CLOUDS_FOLDER}/"):
+                # Elsewhere, the same name with another ending may belong to the recording.
+                doomed += [doomed[0].with_suffix(ending) for ending in (".png", ".json")]
+            there = [path for path in doomed if path.is_file()]
+            freed = sum(path.stat().st_size for path in there)
+            for path in there:
+                path.rename(work / path.name)
+            write_line(scan.folder, f"Erased the cloud {found.name}.")
+            return freed
 
     def reserve(self, title: str) -> Path:
         """A new, empty folder for a scan that is about to begin, named after its title.
@@ -151,20 +202,28 @@ class Library:
             _move(thrown.scan.folder, self.folder / name)
         return self.scan(name)
 
-    def empty(self, keys: Sequence[str] | None = None) -> int:
+    def empty(self, keys: Sequence[str] | None = None, promised_bytes: int | None = None) -> int:
         """Erase what is in the bin, or these of it, for good; how many bytes that gave back.
+
+        Args:
+            keys: which; all by default.
+            promised_bytes: what the person was told that this frees; nothing is erased where it is not so.
 
         Raises:
             ScanNotFound: the bin holds no such scan; nothing is erased.
+            BinChanged: it would free something else than was promised.
             OutputError: something cannot be erased.
         """
         with work_folder(self.folder) as work:
             with changing(self.folder):
                 doomed = self.bin() if keys is None else [self._in_bin(key) for key in keys]
+                freed = sum(thrown.scan.size_bytes for thrown in doomed)
+                if promised_bytes not in (None, freed):
+                    raise BinChanged(f"This would free {freed} bytes, not {promised_bytes}.")
                 # A scan that was erased in part must not be brought back, so it leaves the bin whole.
                 for thrown in doomed:
                     _move(thrown.scan.folder, work / thrown.key)
-            return sum(thrown.scan.size_bytes for thrown in doomed)
+            return freed
 
     def export(self, name: str) -> ZipStream:
         """Everything in the folder of a scan, as a zip file that is made while it is sent.
@@ -180,7 +239,9 @@ class Library:
 
     def space(self) -> Space:
         """Room on the disk. Raises OutputError where the disk does not tell."""
-        return Space(free_bytes(self.folder), sum(thrown.scan.size_bytes for thrown in self.bin()))
+        in_bin = sum(thrown.scan.size_bytes for thrown in self.bin())
+        used = sum(item.size_bytes for item in _read(self._index))
+        return Space(free_bytes(self.folder), in_bin, used)
 
     def refuse_busy(self, name: str) -> None:
         """Raise ScanBusy while a scan is being taken."""

@@ -12,13 +12,15 @@ _LONGEST_TITLE = 200
 _LONGEST_NOTE = 20_000
 # Windows knows these as devices, whatever their ending.
 _DEVICES = frozenset({"con", "prn", "aux", "nul", *(f"{d}{n}" for d in ("com", "lpt") for n in range(10))})
+# What the server calls its own things, where it has the scans.
+_TAKEN = frozenset({"bin", "space", "upload"})
 
 
 def slug(title: str) -> str:
     """Small letters, digits and single hyphens: `Grüne Tasse (2)` is `grune-tasse-2`."""
     plain = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode().lower()
     name = re.sub(r"[^a-z0-9]+", "-", plain)[:_LONGEST].strip("-")
-    return f"scan-{name}" if name in _DEVICES else name or "scan"
+    return f"scan-{name}" if name in _DEVICES | _TAKEN else name or "scan"
 
 
 def free_name(folder: Path, wanted: str, ending: str = "") -> str:
@@ -37,7 +39,7 @@ def inside(folder: Path, name: str) -> Path:
         ScanNotFound: there is none, or the name leads elsewhere.
     """
     is_plain = name.isprintable() and not name.startswith(".") and not set(name) & set('/\\:"')
-    if name and is_plain and len(name) <= 255:
+    if name and is_plain and len(name.encode()) <= 255:
         path = folder / name
         if path.is_dir() and not path.is_symlink():
             return path

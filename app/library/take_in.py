@@ -8,8 +8,17 @@ from pathlib import Path, PurePosixPath
 from app.documents import read_document
 from app.errors import LibraryError, PointCloudFileError, RecordingError, ScanBusy
 from app.files import reason
-from app.library.about import read_about, write_about
-from app.library.item import CLOUDS_FOLDER, SCAN_FILE, ScanItem, holds_scan, is_busy, is_cloud, read_item
+from app.library.about import ABOUT_FILE, read_about, write_about
+from app.library.item import (
+    CALIBRATION_FILE,
+    CLOUDS_FOLDER,
+    SCAN_FILE,
+    ScanItem,
+    holds_scan,
+    is_busy,
+    is_cloud,
+    read_item,
+)
 from app.library.library import Library
 from app.library.limits import (
     Limits,
@@ -21,6 +30,7 @@ from app.library.limits import (
     is_wanted,
     refused,
 )
+from app.library.log import LOG_FILE, write_line
 from app.library.names import checked_title, slug
 from app.library.thumbnail import paint_thumbnail
 from app.library.unpack import unpack
@@ -28,7 +38,7 @@ from app.library.work import work_folder
 from app.recording.journal import JOURNAL_FILE, MANIFEST_FILE
 from app.recording.reader import Recording
 from app.scanning.session import ScanFile
-from app.surface.ply_reader import read_ply
+from app.surface.ply_reader import PlyFile
 from app.surface.preview import PreviewPainter
 
 _MAGIC_BYTES = 4
@@ -75,6 +85,7 @@ def take_in(
             raise refused(called, told, "Mend it, or import what it was made from.") from error
         final = wanted_title or given.title or _title_of(called)
         write_about(found, created=read_item(found).created, title=final)
+        write_line(found, f"Taken in from {called}.")
         return library.place(found, final)
 
 
@@ -151,6 +162,9 @@ def _located(folder: Path, called: str) -> Path:
 
 def _check(scan: Path, limits: Limits) -> None:
     """Whether everything in it can be read; clouds get their pictures on the way."""
+    for name in (ABOUT_FILE, LOG_FILE, SCAN_FILE, MANIFEST_FILE, JOURNAL_FILE, CALIBRATION_FILE):
+        if (scan / name).is_dir():
+            raise RecordingError(str(scan / name), "is a folder")
     if any((scan / name).exists() for name in (MANIFEST_FILE, JOURNAL_FILE)):
         Recording.open(scan)
     if (scan / SCAN_FILE).exists():
@@ -164,10 +178,10 @@ def _check(scan: Path, limits: Limits) -> None:
 def _check_cloud(path: Path, limits: Limits) -> None:
     if path.stat().st_size > limits.cloud_bytes:
         raise PointCloudFileError(str(path), f"is larger than {in_words(limits.cloud_bytes)}")
-    cloud = read_ply(path)
+    painter = PreviewPainter()
+    for piece in PlyFile.open(path).pieces():
+        painter.add(piece)
     if not path.with_suffix(".png").exists():
-        painter = PreviewPainter()
-        painter.add(cloud)
         paint_thumbnail(path.with_suffix(".png"), painter)
 
 

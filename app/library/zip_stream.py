@@ -7,9 +7,11 @@ import io
 import os
 import time
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO, TypeAlias
 
 from app.errors import OutputError
 from app.files import reason
@@ -20,11 +22,12 @@ _HINT = "Try again when nobody changes the scan."
 # Records of the format: see sections 4.3 and 4.5.3 of the ZIP file format specification, version 6.3.10.
 _LOCAL, _CENTRAL, _END, _END_64 = 30, 46, 22, 76
 _DESCRIPTOR, _DESCRIPTOR_64, _LOCAL_64 = 16, 24, 20
+_Open: TypeAlias = Callable[[str], BinaryIO]
 
 
 @dataclass(frozen=True, slots=True)
 class _Member:
-    path: Path
+    path: str
     name: str
     size: int
     modified_s: float
@@ -34,7 +37,7 @@ class ZipStream:
     """A folder, files whose names begin with a dot left out, as the bytes of a zip file.
 
     Args:
-        folder: what is sent; nobody may change it meanwhile.
+        folder: what is sent; nobody may change its files meanwhile. It may be renamed.
         name: of the one folder in the zip that everything lies in.
 
     Attributes:
@@ -45,22 +48,26 @@ class ZipStream:
     """
 
     def __init__(self, folder: Path, name: str) -> None:
+        self._folder = folder
         try:
             self._members = tuple(_members(str(folder), name))
         except OSError as error:
             raise OutputError(str(folder), reason(error), _HINT) from error
         self.length = _length(self._members)
 
-    def __iter__(self) -> Iterator[bytes]:
+    def __iter__(self) -> Generator[bytes]:
         """The bytes, a quarter of a megabyte at a time.
 
         Raises:
             OutputError: a file cannot be read, or is not what it was.
         """
         sink = _Sink()
-        with zipfile.ZipFile(sink, "w", zipfile.ZIP_STORED) as archive:
+        with (
+            _opener(self._folder) as open_file,
+            zipfile.ZipFile(sink, "w", zipfile.ZIP_STORED) as archive,
+        ):
             for member in self._members:
-                yield from _sent(archive, member, sink)
+                yield from _sent(archive, member, sink, open_file)
         yield sink.taken()
 
 
@@ -86,27 +93,43 @@ class _Sink(io.RawIOBase):
         return data
 
 
-def _sent(archive: zipfile.ZipFile, member: _Member, sink: _Sink) -> Iterator[bytes]:
+@contextmanager
+def _opener(folder: Path) -> Iterator[_Open]:
+    """Opens files of the folder; also after it was renamed, where the system can hold on to a folder."""
+    if os.open not in os.supports_dir_fd:
+        yield lambda path: (folder / path).open("rb")
+        return
+    try:
+        held = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    except OSError as error:
+        raise OutputError(str(folder), reason(error), _HINT) from error
+    try:
+        yield lambda path: os.fdopen(os.open(path, os.O_RDONLY | os.O_NOFOLLOW, dir_fd=held), "rb")
+    finally:
+        os.close(held)
+
+
+def _sent(archive: zipfile.ZipFile, member: _Member, sink: _Sink, open_file: _Open) -> Iterator[bytes]:
     modified = time.localtime(member.modified_s)[:6]
     info = zipfile.ZipInfo(member.name, min(max(_EARLIEST, modified), _LATEST))
     info.file_size = member.size
     info.external_attr = 0o644 << 16
     try:
-        with member.path.open("rb") as file, archive.open(info, "w") as entry:
+        with open_file(member.path) as file, archive.open(info, "w") as entry:
             left = member.size
             while left:
                 data = file.read(min(left, _CHUNK_BYTES))
                 if not data:
-                    raise OutputError(str(member.path), "became shorter while it was read", _HINT)
+                    raise OutputError(member.name, "became shorter while it was read", _HINT)
                 left -= len(data)
                 entry.write(data)
                 if len(sink) >= _CHUNK_BYTES:
                     yield sink.taken()
     except OSError as error:
-        raise OutputError(str(member.path), reason(error), _HINT) from error
+        raise OutputError(member.name, reason(error), _HINT) from error
 
 
-def _members(folder: str, inside: str) -> Iterator[_Member]:
+def _members(folder: str, inside: str, below: str = "") -> Iterator[_Member]:
     """Every file, by name."""
     with os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda entry: entry.name):
@@ -114,12 +137,12 @@ def _members(folder: str, inside: str) -> Iterator[_Member]:
             if entry.name.startswith("."):
                 continue
             if entry.is_dir(follow_symlinks=False):
-                yield from _members(entry.path, name)
+                yield from _members(entry.path, name, f"{below}{entry.name}/")
             elif entry.is_file(follow_symlinks=False):
                 facts = entry.stat(follow_symlinks=False)
                 # A name that is no Unicode, as some systems allow, has no place in a zip.
                 text = name.encode("utf-8", "replace").decode()
-                yield _Member(Path(entry.path), text, facts.st_size, facts.st_mtime)
+                yield _Member(below + entry.name, text, facts.st_size, facts.st_mtime)
 
 
 def _length(members: tuple[_Member, ...]) -> int:

@@ -4,6 +4,170 @@
  */
 
 export interface paths {
+    "/api/v1/access": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Access
+         * @description Whether there is a password, and whether the caller is let in.
+         */
+        get: operations["show_access_api_v1_access_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/access/login": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Log In
+         * @description Begin a session, which a cookie keeps for 30 days.
+         */
+        post: operations["log_in_api_v1_access_login_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/access/logout": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Log Out
+         * @description End the session of this browser.
+         */
+        post: operations["log_out_api_v1_access_logout_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/access/password": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Change Password
+         * @description Set another password; every session ends, and this browser gets a new one.
+         */
+        post: operations["change_password_api_v1_access_password_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/access/sessions": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Sessions
+         * @description Browsers that are logged in, the newest first.
+         */
+        get: operations["list_sessions_api_v1_access_sessions_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/access/sessions/{session_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        /**
+         * End Session
+         * @description Log one out, wherever it is, and list the others.
+         */
+        delete: operations["end_session_api_v1_access_sessions__session_id__delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/access/tokens": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Tokens
+         * @description Tokens of programs, by name.
+         */
+        get: operations["list_tokens_api_v1_access_tokens_get"];
+        put?: never;
+        /**
+         * Make Token
+         * @description A token for a program; its secret is shown in this answer only.
+         */
+        post: operations["make_token_api_v1_access_tokens_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/access/tokens/{token_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        /**
+         * End Token
+         * @description End one, and list the others.
+         */
+        delete: operations["end_token_api_v1_access_tokens__token_id__delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/bench": {
         parameters: {
             query?: never;
@@ -18,6 +182,50 @@ export interface paths {
         get: operations["show_bench_api_v1_bench_get"];
         put?: never;
         post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/bench/camera/controls": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Controls
+         * @description Every control there may be, those that this camera lacks among them.
+         */
+        get: operations["show_controls_api_v1_bench_camera_controls_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        /**
+         * Change Controls
+         * @description Set some, while no job holds the bench; answered as the camera has taken them.
+         */
+        patch: operations["change_controls_api_v1_bench_camera_controls_patch"];
+        trace?: never;
+    };
+    "/api/v1/bench/camera/find-exposure": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Find Laser Exposure
+         * @description Light a laser and look for the longest exposure that does not saturate its stripe.
+         */
+        post: operations["find_laser_exposure_api_v1_bench_camera_find_exposure_post"];
         delete?: never;
         options?: never;
         head?: never;
@@ -44,6 +252,28 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/bench/console": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Talk To Board
+         * @description Send one line as it is, and hear the answer; afterwards lasers are off and the table stands.
+         *
+         *     A board without lines of text says what it takes instead.
+         */
+        post: operations["talk_to_board_api_v1_bench_console_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/bench/lasers/{name}": {
         parameters: {
             query?: never;
@@ -55,9 +285,53 @@ export interface paths {
         put?: never;
         /**
          * Switch Laser
-         * @description Switch a laser while no job holds the bench.
+         * @description Switch a laser while no job holds the bench. It goes off when nobody is there for 30 s.
          */
         post: operations["switch_laser_api_v1_bench_lasers__name__post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/bench/motor": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Hold Table
+         * @description Hold the table with the motor's current, or let it go so that a hand can turn it.
+         */
+        post: operations["hold_table_api_v1_bench_motor_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/bench/simulated/stage": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Stage
+         * @description What stands before the camera.
+         */
+        get: operations["show_stage_api_v1_bench_simulated_stage_get"];
+        put?: never;
+        /**
+         * Set Stage
+         * @description Put something there, at any time, also while a calibration waits for it.
+         */
+        post: operations["set_stage_api_v1_bench_simulated_stage_post"];
         delete?: never;
         options?: never;
         head?: never;
@@ -75,7 +349,10 @@ export interface paths {
         put?: never;
         /**
          * Stop Bench
-         * @description Emergency stop: lasers off, table stopped, whoever holds the bench.
+         * @description Emergency stop: lasers off, table stopped, whoever holds the bench; its job is cancelled.
+         *
+         *     It waits for nothing and nobody: it works while other requests, a job or the camera hang. The events'
+         *     WebSocket takes the text `stop` for the same.
          */
         post: operations["stop_bench_api_v1_bench_stop_post"];
         delete?: never;
@@ -104,6 +381,530 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/bench/try/camera": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Try Camera
+         * @description Take a picture.
+         */
+        post: operations["try_camera_api_v1_bench_try_camera_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/bench/try/lasers": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Try Lasers
+         * @description Light each laser for a moment, and see whether the camera sees its stripe.
+         */
+        post: operations["try_lasers_api_v1_bench_try_lasers_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/bench/try/table": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Try Table
+         * @description Turn the table by ten degrees and back.
+         */
+        post: operations["try_table_api_v1_bench_try_table_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/bench/zero": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Zero Table
+         * @description Say where the table stands; also after a move that nobody knows the end of.
+         */
+        post: operations["zero_table_api_v1_bench_zero_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/board.json": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Board
+         * @description The board that is used.
+         */
+        get: operations["show_board_api_v1_boards_board_json_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/print.pdf": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Print Pdf
+         * @description A page to print at 100 %, with a ruler to check the printer by.
+         */
+        get: operations["print_pdf_api_v1_boards_print_pdf_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/boards/print.svg": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Print Svg
+         * @description The same as a picture, also to look at.
+         */
+        get: operations["print_svg_api_v1_boards_print_svg_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrate": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Start Calibration
+         * @description Begin one; follow it with its job's id.
+         */
+        post: operations["start_calibration_api_v1_calibrate_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrate/{job_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Calibration
+         * @description How it goes.
+         */
+        get: operations["show_calibration_api_v1_calibrate__job_id__get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrate/{job_id}/continue": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Continue Calibration
+         * @description What was asked for is done; or the camera's views are enough.
+         */
+        post: operations["continue_calibration_api_v1_calibrate__job_id__continue_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrate/{job_id}/take": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Take View
+         * @description Take a view now, whatever it adds.
+         */
+        post: operations["take_view_api_v1_calibrate__job_id__take_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrate/{job_id}/views/{number}.jpg": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show View
+         * @description A small picture of a view.
+         */
+        get: operations["show_view_api_v1_calibrate__job_id__views__number__jpg_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrate/{job_id}/views/{number}/restore": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Restore View
+         * @description Use a view after all.
+         */
+        post: operations["restore_view_api_v1_calibrate__job_id__views__number__restore_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrate/{job_id}/views/{number}/strike": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Strike View
+         * @description Leave a view out; it stays on disk.
+         */
+        post: operations["strike_view_api_v1_calibrate__job_id__views__number__strike_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrate/latest": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Latest
+         * @description The calibration that was begun last in this run of the server; null where there was none.
+         */
+        get: operations["show_latest_api_v1_calibrate_latest_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrate/resume": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Resume Calibration
+         * @description Go on with one that ended early, or do a step of it again; what was taken stays.
+         */
+        post: operations["resume_calibration_api_v1_calibrate_resume_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrate/sessions": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Sessions
+         * @description Pictures of all calibrations that can be gone on with, newest first.
+         */
+        get: operations["list_sessions_api_v1_calibrate_sessions_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrations": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Calibrations
+         * @description All that are kept, or all in the bin, newest first.
+         */
+        get: operations["list_calibrations_api_v1_calibrations_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrations/{name}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Calibration
+         * @description One, with its residuals, its proof and what it does not know; `current` is the one in use.
+         */
+        get: operations["show_calibration_api_v1_calibrations__name__get"];
+        put?: never;
+        post?: never;
+        /**
+         * Remove Calibration
+         * @description Put it into the bin, with its report; the answer names it there.
+         */
+        delete: operations["remove_calibration_api_v1_calibrations__name__delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrations/{name}/calibration.json": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Download Calibration
+         * @description The whole file, for this program elsewhere.
+         */
+        get: operations["download_calibration_api_v1_calibrations__name__calibration_json_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrations/{name}/opencv.yml": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Download Opencv
+         * @description Camera, lasers and axis as OpenCV's YAML.
+         */
+        get: operations["download_opencv_api_v1_calibrations__name__opencv_yml_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrations/{name}/report.html": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Report
+         * @description Residuals, coverage, stripes and wobble, as they were drawn when it was made.
+         */
+        get: operations["show_report_api_v1_calibrations__name__report_html_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrations/{name}/use": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Use Calibration
+         * @description Use it from now on; one that is in the bin comes back.
+         */
+        post: operations["use_calibration_api_v1_calibrations__name__use_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrations/bin/{name}/restore": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Restore Calibration
+         * @description Take it back from the bin; the one in use stays.
+         */
+        post: operations["restore_calibration_api_v1_calibrations_bin__name__restore_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrations/compare": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Compare Calibrations
+         * @description What the second has changed against the first, and what that means at the object.
+         */
+        get: operations["compare_calibrations_api_v1_calibrations_compare_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/calibrations/import": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Import Calibration
+         * @description Keep one of this program, of Horus or FabScanPi, or a camera of OpenCV; the file is the body.
+         */
+        post: operations["import_calibration_api_v1_calibrations_import_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/events/stream": {
         parameters: {
             query?: never;
@@ -113,7 +914,7 @@ export interface paths {
         };
         /**
          * Stream Events
-         * @description The same as server-sent events.
+         * @description The same as server-sent events; their ids grow.
          */
         get: operations["stream_events_api_v1_events_stream_get"];
         put?: never;
@@ -133,7 +934,7 @@ export interface paths {
         };
         /**
          * List Jobs
-         * @description All jobs of this run of the server, newest first.
+         * @description The jobs of this run of the server and of earlier ones, newest first.
          */
         get: operations["list_jobs_api_v1_jobs_get"];
         put?: never;
@@ -158,7 +959,11 @@ export interface paths {
         get: operations["show_job_api_v1_jobs__job_id__get"];
         put?: never;
         post?: never;
-        delete?: never;
+        /**
+         * Delete Job
+         * @description Take a job that has ended off the list; what it made stays.
+         */
+        delete: operations["delete_job_api_v1_jobs__job_id__delete"];
         options?: never;
         head?: never;
         patch?: never;
@@ -178,6 +983,26 @@ export interface paths {
          * @description End it; what it has made so far stays.
          */
         post: operations["cancel_job_api_v1_jobs__job_id__cancel_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/jobs/{job_id}/file": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Download File
+         * @description What an export job wrote.
+         */
+        get: operations["download_file_api_v1_jobs__job_id__file_get"];
+        put?: never;
+        post?: never;
         delete?: never;
         options?: never;
         head?: never;
@@ -244,6 +1069,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/jobs/{job_id}/retry": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Retry Job
+         * @description Go on with its scan, where that is unfinished; otherwise do the same again.
+         */
+        post: operations["retry_job_api_v1_jobs__job_id__retry_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/jobs/checkup": {
         parameters: {
             query?: never;
@@ -258,6 +1103,26 @@ export interface paths {
          * @description The doctor: measure what the bench really does.
          */
         post: operations["start_checkup_api_v1_jobs_checkup_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/jobs/export": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Start Export
+         * @description Write a cloud in another form; `GET /jobs/{id}/file` gives the file when it is done.
+         */
+        post: operations["start_export_api_v1_jobs_export_post"];
         delete?: never;
         options?: never;
         head?: never;
@@ -295,7 +1160,7 @@ export interface paths {
         put?: never;
         /**
          * Resume Scan
-         * @description Go on with a scan that ended early.
+         * @description Go on with a scan that ended early; its cloud is computed as was asked for at its beginning.
          */
         post: operations["resume_scan_api_v1_jobs_resume_scan_post"];
         delete?: never;
@@ -318,6 +1183,46 @@ export interface paths {
          * @description Scan what stands on the table.
          */
         post: operations["start_scan_api_v1_jobs_scan_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/jobs/scan/estimate": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Estimate Scan
+         * @description What such a scan would take; nothing is begun.
+         */
+        post: operations["estimate_scan_api_v1_jobs_scan_estimate_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/jobs/texture": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Start Texture
+         * @description Turn the object once with the lasers off, and give the newest cloud of its scan the colours.
+         */
+        post: operations["start_texture_api_v1_jobs_texture_post"];
         delete?: never;
         options?: never;
         head?: never;
@@ -363,7 +1268,7 @@ export interface paths {
         head?: never;
         /**
          * Change Settings
-         * @description Change threshold, channel or detector, from the next picture on.
+         * @description Change threshold, channel, detector or what is shown, from the next picture on.
          */
         patch: operations["change_settings_api_v1_live_settings_patch"];
         trace?: never;
@@ -380,6 +1285,26 @@ export interface paths {
          * @description All scans, newest first.
          */
         get: operations["list_scans_api_v1_scans_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/scans/{first}/compare/{second}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Compare
+         * @description What differs in settings, points and calibration, and how far the newest clouds lie apart.
+         */
+        get: operations["compare_api_v1_scans__first__compare__second__get"];
         put?: never;
         post?: never;
         delete?: never;
@@ -416,6 +1341,26 @@ export interface paths {
         patch: operations["describe_scan_api_v1_scans__name__patch"];
         trace?: never;
     };
+    "/api/v1/scans/{name}/{document}.json": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Document
+         * @description A file of the scan: what it was to do, the calibration it was taken with, the list of its pictures.
+         */
+        get: operations["show_document_api_v1_scans__name___document__json_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/scans/{name}/cloud.ply": {
         parameters: {
             query?: never;
@@ -424,10 +1369,114 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Download Cloud
+         * Download Newest Cloud
          * @description Its newest cloud.
          */
-        get: operations["download_cloud_api_v1_scans__name__cloud_ply_get"];
+        get: operations["download_newest_cloud_api_v1_scans__name__cloud_ply_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/scans/{name}/clouds/{cloud}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Download Cloud
+         * @description One of its clouds, by its name without `clouds/`. As it is kept, it can be asked for in parts.
+         */
+        get: operations["download_cloud_api_v1_scans__name__clouds__cloud__get"];
+        put?: never;
+        post?: never;
+        /**
+         * Erase Cloud
+         * @description Erase one cloud for good; the others and the recording stay.
+         */
+        delete: operations["erase_cloud_api_v1_scans__name__clouds__cloud__delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/scans/{name}/log": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Scan Log
+         * @description What was done with it, oldest line first; each begins with its time.
+         */
+        get: operations["show_scan_log_api_v1_scans__name__log_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/scans/{name}/made/{cloud}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show How Cloud Was Made
+         * @description Detector, options and calibration of a cloud, where they are known.
+         */
+        get: operations["show_how_cloud_was_made_api_v1_scans__name__made__cloud__get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/scans/{name}/pictures": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Pictures
+         * @description The pictures of its recording in the order they were taken.
+         */
+        get: operations["list_pictures_api_v1_scans__name__pictures_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/scans/{name}/pictures/{number}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Picture
+         * @description One picture as the camera gave it, or a smaller one.
+         */
+        get: operations["show_picture_api_v1_scans__name__pictures__number__get"];
         put?: never;
         post?: never;
         delete?: never;
@@ -445,7 +1494,7 @@ export interface paths {
         };
         /**
          * Download Recording
-         * @description The whole folder, made as it is sent.
+         * @description The whole folder as a zip file, made as it is sent.
          */
         get: operations["download_recording_api_v1_scans__name__recording_zip_get"];
         put?: never;
@@ -465,12 +1514,56 @@ export interface paths {
         };
         /**
          * Show Thumbnail
-         * @description A picture of its newest cloud.
+         * @description A picture of its newest cloud; without a cloud, the middle one of its pictures.
          */
         get: operations["show_thumbnail_api_v1_scans__name__thumbnail_png_get"];
         put?: never;
         post?: never;
         delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/scans/bin": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Bin
+         * @description What was thrown away, newest first.
+         */
+        get: operations["list_bin_api_v1_scans_bin_get"];
+        put?: never;
+        post?: never;
+        /**
+         * Empty Bin
+         * @description Erase all of it for good; nothing where that would free something else.
+         */
+        delete: operations["empty_bin_api_v1_scans_bin_delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/scans/bin/{key}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        /**
+         * Erase Scan
+         * @description Erase one scan for good; not where that would free something else.
+         */
+        delete: operations["erase_scan_api_v1_scans_bin__key__delete"];
         options?: never;
         head?: never;
         patch?: never;
@@ -496,15 +1589,434 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/scans/space": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Space
+         * @description What is free, what the scans and the bin take, and how large an upload may be.
+         */
+        get: operations["show_space_api_v1_scans_space_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/scans/upload": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Upload Scan
+         * @description Take in a zip file of one scan, or a PLY file. Nothing of it stays unless all of it is in order.
+         */
+        post: operations["upload_scan_api_v1_scans_upload_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/view": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show View
+         * @description What is shown now.
+         */
+        get: operations["show_view_api_v1_view_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        /**
+         * Change View
+         * @description Colours, size of points, dark or light.
+         */
+        patch: operations["change_view_api_v1_view_patch"];
+        trace?: never;
+    };
+    "/api/v1/view/clear": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Clear View
+         * @description Empty the table.
+         */
+        post: operations["clear_view_api_v1_view_clear_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/view/look": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Look From
+         * @description Move one page, or all, to a place from which the scene is good to see.
+         */
+        post: operations["look_from_api_v1_view_look_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/view/show": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Show Scan In View
+         * @description Open a finished scan in the view.
+         */
+        post: operations["show_scan_in_view_api_v1_view_show_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
 }
 export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
         /**
+         * AccessOut
+         * @description How the caller stands.
+         *
+         *     Attributes:
+         *         password_is_set: without one nobody logs in, and only this machine is served.
+         *         is_let_in: whether everything else may be asked for.
+         *         by: what lets in: that there is no password, a session or a token.
+         */
+        AccessOut: {
+            by: components["schemas"]["app__access__access__Kind"] | null;
+            /** Is Let In */
+            is_let_in: boolean;
+            /** Password Is Set */
+            password_is_set: boolean;
+        };
+        /**
+         * AnswerOut
+         * @description What the board said, line by line.
+         */
+        AnswerOut: {
+            /** Lines */
+            lines: string[];
+        };
+        /**
+         * AnyEventOut
+         * @description One event.
+         */
+        AnyEventOut: components["schemas"]["CalibrationChangedOut"] | components["schemas"]["StateOut"] | components["schemas"]["JobChangedOut"] | components["schemas"]["JobSaidOut"] | components["schemas"]["PointsAddedOut"] | components["schemas"]["BenchChangedOut"] | components["schemas"]["NoticeOut"] | components["schemas"]["CountersOut"];
+        /**
+         * Kind
+         * @description By what somebody is let in.
+         * @enum {string}
+         */
+        app__access__access__Kind: "open" | "session" | "token";
+        /**
+         * LaserOut
+         * @description A laser of the bench.
+         */
+        app__api__bench_out__LaserOut: {
+            /** Channel */
+            channel: number;
+            /** Colour */
+            colour: string;
+            /** Name */
+            name: string;
+        };
+        /**
+         * CalibrationOut
+         * @description A calibration that is kept.
+         *
+         *     Attributes:
+         *         name: of it in the store: its date.
+         *         method: how it was found, or the program it comes from.
+         *         width, height: of the pictures it is for.
+         *         lasers: those whose planes it knows.
+         *         has_axis, has_table: whether it knows what the table turns about, and how high it is.
+         *         expected_error_mm: what it expects at the object.
+         *         level: of its proof.
+         *         is_current: whether it is in use.
+         *         problem: why it cannot be read; empty where it can.
+         *         missing: what a scan needs and it lacks: `lasers`, `axis`.
+         */
+        app__api__calibration_models__CalibrationOut: {
+            /** Created */
+            created?: string | null;
+            /** Expected Error Mm */
+            expected_error_mm?: number | null;
+            /**
+             * Has Axis
+             * @default false
+             */
+            has_axis?: boolean;
+            /**
+             * Has Table
+             * @default false
+             */
+            has_table?: boolean;
+            /**
+             * Height
+             * @default 0
+             */
+            height?: number;
+            /** Is Current */
+            is_current: boolean;
+            /**
+             * Lasers
+             * @default []
+             */
+            lasers?: string[];
+            /** Level */
+            level?: ("green" | "amber" | "red") | null;
+            /**
+             * Method
+             * @default
+             */
+            method?: string;
+            /**
+             * Missing
+             * @default []
+             */
+            missing?: string[];
+            /** Name */
+            name: string;
+            /**
+             * Problem
+             * @default
+             */
+            problem?: string;
+            /**
+             * Width
+             * @default 0
+             */
+            width?: number;
+        };
+        /**
+         * ComparisonOut
+         * @description What the second calibration has changed.
+         *
+         *     Attributes:
+         *         bent_mm: by how much a ball of 60 mm changes its shape, RMS.
+         *         expected_mm: how much of that the two calibrations' own uncertainty explains.
+         *         is_explained: whether it does; null where that is unknown.
+         *         only_first, only_second: lasers that the other does not know.
+         */
+        app__api__calibration_models__ComparisonOut: {
+            axis: components["schemas"]["AxisChangeOut"] | null;
+            /** Ball */
+            ball: components["schemas"]["BallChangeOut"][];
+            /** Bent Mm */
+            bent_mm: number | null;
+            camera: components["schemas"]["CameraChangeOut"];
+            /** Expected Mm */
+            expected_mm: number | null;
+            /** Is Explained */
+            is_explained: boolean | null;
+            /** Lasers */
+            lasers: components["schemas"]["PlaneChangeOut"][];
+            /** Only First */
+            only_first: string[];
+            /** Only Second */
+            only_second: string[];
+        };
+        /**
+         * LaserOut
+         * @description A laser's plane: normal . X = distance_mm, in the camera's frame.
+         */
+        app__api__calibration_models__LaserOut: {
+            /** Distance Mm */
+            distance_mm: number;
+            /** Name */
+            name: string;
+            /** Normal */
+            normal: number[];
+            /** Rms Mm */
+            rms_mm: number | null;
+        };
+        /**
+         * SessionOut
+         * @description A browser that is logged in.
+         *
+         *     Attributes:
+         *         browser: what it is, roughly.
+         *         is_this: whether it is the one that asks.
+         */
+        app__api__routes__access__SessionOut: {
+            /** Browser */
+            browser: string;
+            /**
+             * Created
+             * Format: date-time
+             */
+            created: string;
+            /**
+             * Expires
+             * Format: date-time
+             */
+            expires: string;
+            /** Id */
+            id: string;
+            /** Is This */
+            is_this: boolean;
+            /**
+             * Last Seen
+             * Format: date-time
+             */
+            last_seen: string;
+        };
+        /**
+         * SessionOut
+         * @description Pictures of a calibration; see `SessionFacts`.
+         */
+        app__api__routes__calibrate__SessionOut: {
+            /** Calibration */
+            calibration: string;
+            /**
+             * Created
+             * Format: date-time
+             */
+            created: string;
+            kind: components["schemas"]["app__jobs__calibrate_state__Kind"] | null;
+            /** Name */
+            name: string;
+            /** Pictures */
+            pictures: number;
+            /** Problem */
+            problem: string;
+        };
+        /**
+         * ComparisonOut
+         * @description Two scans; see `ScanComparison`. `calibration` is as `turnscan calibrations compare --json` has it.
+         */
+        app__api__routes__scan_compare__ComparisonOut: {
+            /** Calibration */
+            calibration: {
+                [key: string]: unknown;
+            } | null;
+            /** Calibration Note */
+            calibration_note: string;
+            deviation: components["schemas"]["DeviationOut"] | null;
+            /** Deviation Note */
+            deviation_note: string;
+            first: components["schemas"]["ScanOut"];
+            second: components["schemas"]["ScanOut"];
+            /** Settings */
+            settings: components["schemas"]["DifferenceOut"][];
+        };
+        /**
+         * CalibrationOut
+         * @description The calibration a scan was taken with.
+         */
+        app__api__scan_models__CalibrationOut: {
+            /**
+             * Created
+             * Format: date-time
+             */
+            created: string;
+            /** Expected Error Mm */
+            expected_error_mm: number | null;
+            /** Method */
+            method: string;
+        };
+        /**
+         * Kind
+         * @description Ways to calibrate.
+         * @enum {string}
+         */
+        app__jobs__calibrate_state__Kind: "automatic" | "full" | "camera" | "table" | "paper";
+        /**
+         * Kind
+         * @description The kinds of live picture.
+         * @enum {string}
+         */
+        app__live__settings__Kind: "raw" | "mask" | "overlay" | "stripe";
+        /**
+         * Arrow
+         * @description From where the board is seen to where it should go.
+         */
+        Arrow: {
+            /** Head */
+            head: [
+                number,
+                number
+            ];
+            /** Tail */
+            tail: [
+                number,
+                number
+            ];
+        };
+        /**
+         * AxisChangeOut
+         * @description See `AxisChange`.
+         */
+        AxisChangeOut: {
+            /** Shift Mm */
+            shift_mm: number;
+            /** Table Mm */
+            table_mm: number | null;
+            /** Tilt Deg */
+            tilt_deg: number;
+        };
+        /**
+         * BallChangeOut
+         * @description See `BallChange`; of one laser.
+         */
+        BallChangeOut: {
+            /** Bent Mm */
+            bent_mm: number;
+            /** Moved Mm */
+            moved_mm: number;
+            /** Name */
+            name: string;
+        };
+        /**
          * BenchChangedOut
-         * @description Something about the bench is different: ask how it stands.
+         * @description Something about the bench is different.
          */
         BenchChangedOut: {
+            bench: components["schemas"]["BenchOut"];
             /**
              * @description discriminator enum property added by openapi-typescript
              * @enum {string}
@@ -516,9 +2028,13 @@ export interface components {
          * @description The bench.
          *
          *     Attributes:
+         *         simulated: whether a device of it is.
          *         turntable: what the board says of itself; empty while it is not connected.
+         *         table: what it can do; None while it is not connected.
          *         angle_deg: where the table stands, as far as is known.
-         *         lasers: all there are.
+         *         placed: whether it is known where the table stands; otherwise zero it.
+         *         lasers: names of all there are.
+         *         laser_facts: the same with their colours.
          *         lasers_on: those that are lit.
          *         holder: what holds the bench; empty for nothing.
          *         problems: what is wrong now, as sentences.
@@ -529,24 +2045,308 @@ export interface components {
             camera: components["schemas"]["CameraOut"];
             /** Holder */
             holder: string;
+            /** Laser Facts */
+            laser_facts: components["schemas"]["app__api__bench_out__LaserOut"][];
             /** Lasers */
             lasers: string[];
             /** Lasers On */
             lasers_on: string[];
             /** Name */
             name: string;
+            /** Placed */
+            placed: boolean;
             /** Problems */
             problems: string[];
+            /** Simulated */
+            simulated: boolean;
+            table: components["schemas"]["TableOut"] | null;
             /** Turntable */
             turntable: string;
         };
         /**
          * BinOut
-         * @description Where a deleted scan is, until the bin is emptied.
+         * @description A scan in the bin.
+         *
+         *     Attributes:
+         *         key: what it is called in the bin.
+         *         name: what its folder was called.
+         *         frees_bytes: what erasing it gives back.
          */
         BinOut: {
+            /**
+             * Created
+             * Format: date-time
+             */
+            created: string;
+            /**
+             * Deleted
+             * Format: date-time
+             */
+            deleted: string;
+            /** Frees Bytes */
+            frees_bytes: number;
             /** Key */
             key: string;
+            /** Name */
+            name: string;
+            /** Pictures */
+            pictures: number;
+            /** Points */
+            points: number;
+            /** Title */
+            title: string;
+        };
+        /**
+         * BoardOut
+         * @description A board.
+         *
+         *     Attributes:
+         *         board: as the bench file and `POST /calibrate` take it.
+         *         description: for people.
+         *         is_of_bench: whether the bench names it; else it is one that suits most.
+         *         ruler_mm: length of the ruler that is printed with it.
+         */
+        BoardOut: {
+            /** Board */
+            board: components["schemas"]["ChessboardFacts"] | components["schemas"]["CharucoFacts"] | components["schemas"]["CirclesFacts"];
+            /** Description */
+            description: string;
+            /** Is Of Bench */
+            is_of_bench: boolean;
+            /** Ruler Mm */
+            ruler_mm: number;
+        };
+        /**
+         * CalibrateIn
+         * @description A calibration that is wanted.
+         *
+         *     Attributes:
+         *         kind: `automatic`: one board, placed twice on the table. `full`: the board held before the camera,
+         *             too. `camera`: only that. `table`: lasers and axis for a camera that is calibrated. `paper`:
+         *             camera, laser planes and axis one after the other, as in Rui Wang's paper.
+         *         board: that is shown; by default the one in the bench file.
+         *         ruler_mm: what the printed ruler of 100 mm measures.
+         *         camera: of kind `table`: name of the calibration whose camera is taken; by default the newest that
+         *             fits.
+         *         hands: who shows the board; `simulated` only on a simulated bench, where all then goes by itself.
+         */
+        CalibrateIn: {
+            /** Board */
+            board?: (components["schemas"]["ChessboardFacts"] | components["schemas"]["CharucoFacts"] | components["schemas"]["CirclesFacts"]) | null;
+            /**
+             * Camera
+             * @default
+             */
+            camera?: string;
+            /**
+             * Hands
+             * @default person
+             * @enum {string}
+             */
+            hands?: "person" | "simulated";
+            /** @default automatic */
+            kind?: components["schemas"]["app__jobs__calibrate_state__Kind"];
+            /**
+             * Ruler Mm
+             * @default 100
+             */
+            ruler_mm?: number;
+        };
+        /**
+         * CalibrationChangedOut
+         * @description A calibration that is being made stands differently.
+         */
+        CalibrationChangedOut: {
+            calibration: components["schemas"]["CalibrationState"];
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            type: "calibration-changed";
+        };
+        /**
+         * CalibrationDetailOut
+         * @description All that is known of a calibration.
+         *
+         *     Attributes:
+         *         focal_px: along columns and rows.
+         *         centre_px: of the picture.
+         *         distortion: k1, k2, p1, p2, k3.
+         *         rms_px: how well the board's corners fit.
+         *         planes: of the lasers.
+         *         axis_rms_mm: how well turning things keep to their circles.
+         *         chi: residuals over assumed noise; near one where all is right.
+         *         proof: what it found; null where there was none.
+         *         notes: what it could not know, of one from elsewhere.
+         *         has_report: whether there is a page with drawings.
+         */
+        CalibrationDetailOut: {
+            /** Axis Rms Mm */
+            axis_rms_mm?: number | null;
+            /**
+             * Centre Px
+             * @default []
+             */
+            centre_px?: number[];
+            /** Chi */
+            chi?: number | null;
+            /** Created */
+            created?: string | null;
+            /**
+             * Distortion
+             * @default []
+             */
+            distortion?: number[];
+            /** Expected Error Mm */
+            expected_error_mm?: number | null;
+            /**
+             * Focal Px
+             * @default []
+             */
+            focal_px?: number[];
+            /**
+             * Has Axis
+             * @default false
+             */
+            has_axis?: boolean;
+            /**
+             * Has Report
+             * @default false
+             */
+            has_report?: boolean;
+            /**
+             * Has Table
+             * @default false
+             */
+            has_table?: boolean;
+            /**
+             * Height
+             * @default 0
+             */
+            height?: number;
+            /** Is Current */
+            is_current: boolean;
+            /**
+             * Lasers
+             * @default []
+             */
+            lasers?: string[];
+            /** Level */
+            level?: ("green" | "amber" | "red") | null;
+            /**
+             * Method
+             * @default
+             */
+            method?: string;
+            /**
+             * Missing
+             * @default []
+             */
+            missing?: string[];
+            /** Name */
+            name: string;
+            /**
+             * Notes
+             * @default []
+             */
+            notes?: string[];
+            /**
+             * Planes
+             * @default []
+             */
+            planes?: components["schemas"]["app__api__calibration_models__LaserOut"][];
+            /**
+             * Problem
+             * @default
+             */
+            problem?: string;
+            proof?: components["schemas"]["ProofOut"] | null;
+            /** Rms Px */
+            rms_px?: number | null;
+            /**
+             * Width
+             * @default 0
+             */
+            width?: number;
+        };
+        /**
+         * CalibrationState
+         * @description A calibration at one moment.
+         *
+         *     Attributes:
+         *         job_id: of its job.
+         *         session: name of the folder of its pictures, to go on with.
+         *         kind: how it is done.
+         *         steps: all it consists of, in their order.
+         *         step: where it is.
+         *         done: how much of the step is done, 0..1.
+         *         instruction: what to do now.
+         *         waits_for_person: whether nothing happens until somebody says `continue`.
+         *         may_continue: whether `continue` does something: ends the waiting, or the camera's views.
+         *         may_take: whether `take` does something.
+         *         sight: what the newest picture shows.
+         *         outline: where the board is in it; empty where it is not.
+         *         arrow: on the picture; None where there is nothing to point at.
+         *         said: what happened last.
+         *         coverage: corners of the camera's views in each cell of a coarse grid over the picture, row by row.
+         *         coverage_share: part of the cells that hold one.
+         *         views: what was taken.
+         *         taken: counts up with every view, for a sound.
+         *         width, height: of the pictures, px.
+         */
+        CalibrationState: {
+            arrow: components["schemas"]["Arrow"] | null;
+            /** Coverage */
+            coverage: number[][];
+            /** Coverage Share */
+            coverage_share: number;
+            /** Done */
+            done: number;
+            /** Height */
+            height: number;
+            instruction: components["schemas"]["Instruction"];
+            /** Job Id */
+            job_id: string;
+            kind: components["schemas"]["app__jobs__calibrate_state__Kind"];
+            /** May Continue */
+            may_continue: boolean;
+            /** May Take */
+            may_take: boolean;
+            /** Outline */
+            outline: [
+                number,
+                number
+            ][];
+            /** Said */
+            said: string;
+            /** Session */
+            session: string;
+            sight: components["schemas"]["Sight"];
+            step: components["schemas"]["Step"];
+            /** Steps */
+            steps: components["schemas"]["Step"][];
+            /** Taken */
+            taken: number;
+            /** Views */
+            views: components["schemas"]["ViewState"][];
+            /** Waits For Person */
+            waits_for_person: boolean;
+            /** Width */
+            width: number;
+        };
+        /**
+         * CameraChangeOut
+         * @description See `CameraChange`.
+         */
+        CameraChangeOut: {
+            /** Centre Px */
+            centre_px: number;
+            /** Edge Px */
+            edge_px: number;
+            /** Focal Percent */
+            focal_percent: number;
+            /** Focal Px */
+            focal_px: number[];
         };
         /**
          * CameraOut
@@ -558,6 +2358,8 @@ export interface components {
          *         fps: pictures per second, as measured.
          *         lost: pictures that did not come, or damaged.
          *         problem: what went wrong last.
+         *         size: width and height of upright pictures; None while it has never been connected.
+         *         name: what it calls itself; empty while it has never been connected.
          */
         CameraOut: {
             /** Connected */
@@ -568,8 +2370,38 @@ export interface components {
             frozen: boolean;
             /** Lost */
             lost: number;
+            /** Name */
+            name: string;
             /** Problem */
             problem: string;
+            /** Size */
+            size: [
+                number,
+                number
+            ] | null;
+        };
+        /**
+         * CharucoFacts
+         * @description Counted in squares.
+         */
+        CharucoFacts: {
+            /** Columns */
+            columns: number;
+            /** Dictionary */
+            dictionary: string;
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "charuco";
+            /** Marker Mm */
+            marker_mm: number;
+            /** Rows */
+            rows: number;
+            /** Square Mm */
+            square_mm: number;
+        } & {
+            [key: string]: unknown;
         };
         /**
          * CheckupIn
@@ -583,25 +2415,341 @@ export interface components {
             only?: string[];
         };
         /**
+         * ChessboardFacts
+         * @description Counted in inner corners.
+         */
+        ChessboardFacts: {
+            /** Columns */
+            columns: number;
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "chessboard";
+            /** Rows */
+            rows: number;
+            /** Square Mm */
+            square_mm: number;
+        } & {
+            [key: string]: unknown;
+        };
+        /**
+         * CirclesFacts
+         * @description Counted in dots.
+         */
+        CirclesFacts: {
+            /** Columns */
+            columns: number;
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            kind: "asymmetric_circles" | "circles";
+            /** Rows */
+            rows: number;
+            /** Spacing Mm */
+            spacing_mm: number;
+        } & {
+            [key: string]: unknown;
+        };
+        /**
          * CloudOut
-         * @description A cloud of a scan.
+         * @description A cloud of a scan; see `CloudItem`.
+         *
+         *     Attributes:
+         *         path: where to download it, on this server.
          */
         CloudOut: {
+            /** Calibrated */
+            calibrated: string | null;
             /**
              * Created
              * Format: date-time
              */
             created: string;
+            /** Detector */
+            detector: string;
             /** Name */
             name: string;
+            /** Path */
+            path: string;
             /** Points */
             points: number;
             /** Size Bytes */
             size_bytes: number;
         };
         /**
+         * ControlName
+         * @description Controls that cameras may have; a value is in the unit given here.
+         * @enum {string}
+         */
+        ControlName: "exposure" | "gain" | "white_balance" | "focus" | "brightness";
+        /**
+         * ControlOut
+         * @description A control.
+         *
+         *     Attributes:
+         *         name: which; exposure in microseconds, white balance in kelvin, the others on the camera's own scale.
+         *         present: whether this camera has it.
+         *         value: as the camera has it now; None where it does not tell.
+         *         lowest, highest: its range; None where unknown.
+         *         automatic: whether the camera changes it by itself.
+         *         uses: what it is set to while pictures for lasers, texture or the board are taken, where that is set.
+         */
+        ControlOut: {
+            /**
+             * Automatic
+             * @default false
+             */
+            automatic?: boolean;
+            /** Highest */
+            highest?: number | null;
+            /** Lowest */
+            lowest?: number | null;
+            name: components["schemas"]["ControlName"];
+            /** Present */
+            present: boolean;
+            /**
+             * Uses
+             * @default {}
+             */
+            uses?: {
+                [key: string]: number | "auto";
+            };
+            /** Value */
+            value?: number | null;
+        };
+        /**
+         * ControlsIn
+         * @description Values to set now, and to keep for one use; `auto` leaves a control to the camera.
+         */
+        ControlsIn: {
+            /** @default laser */
+            use?: components["schemas"]["Use"];
+            /** Values */
+            values: {
+                [key: string]: number | "auto";
+            };
+        };
+        /**
+         * CountersOut
+         * @description What is counted; see `Counters`.
+         */
+        CountersOut: {
+            /** Bytes Sent */
+            bytes_sent: number;
+            /** Fps */
+            fps: number;
+            /** Frames */
+            frames: number;
+            /** Live Fps */
+            live_fps: {
+                [key: string]: number;
+            };
+            /** Lost */
+            lost: number;
+            /** Points */
+            points: number;
+            /** Skipped */
+            skipped: number;
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            type: "counters";
+            /** Viewers */
+            viewers: {
+                [key: string]: number;
+            };
+        };
+        /**
+         * Cylinder
+         * @description What of the space above the table is scanned; what is absent has no limit.
+         */
+        Cylinder: {
+            /** Highest Mm */
+            highest_mm?: number | null;
+            /** Lowest Mm */
+            lowest_mm?: number | null;
+            /** Radius Mm */
+            radius_mm?: number | null;
+        };
+        /**
+         * DeviationOut
+         * @description Two clouds against each other; see `Deviation`.
+         */
+        DeviationOut: {
+            back: components["schemas"]["DistancesOut"];
+            /** Spacing Mm */
+            spacing_mm: number;
+            there: components["schemas"]["DistancesOut"];
+        };
+        /**
+         * DifferenceOut
+         * @description A setting that is not the same; null where a scan does not have it.
+         */
+        DifferenceOut: {
+            /** First */
+            first: unknown;
+            /** Second */
+            second: unknown;
+            /** Setting */
+            setting: string;
+        };
+        /**
+         * DistancesOut
+         * @description From points of one cloud to the nearest of the other; see `Distances`.
+         */
+        DistancesOut: {
+            /** Asked */
+            asked: number;
+            /** Median Mm */
+            median_mm: number;
+            /** P95 Mm */
+            p95_mm: number;
+            /** Rms Mm */
+            rms_mm: number;
+        };
+        /**
+         * ErasedOut
+         * @description What was erased for good.
+         */
+        ErasedOut: {
+            /** Freed Bytes */
+            freed_bytes: number;
+            /** Scans */
+            scans: number;
+        };
+        /**
+         * EstimateOut
+         * @description What a scan will take; see `ScanEstimate`.
+         */
+        EstimateOut: {
+            /** Capture S */
+            capture_s: number;
+            /** Is Measured */
+            is_measured: boolean;
+            /** Points */
+            points: number;
+            /** Seconds */
+            seconds: number;
+            /** Shots */
+            shots: number;
+            /** Size Bytes */
+            size_bytes: number;
+        };
+        /**
+         * ExportForm
+         * @description What a cloud can be written as.
+         * @enum {string}
+         */
+        ExportForm: "ply" | "ply-ascii" | "xyz";
+        /**
+         * ExportIn
+         * @description A cloud to write in another form.
+         *
+         *     Attributes:
+         *         scan: its name in the library.
+         *         form: of the file.
+         *         cloud: which of the scan's clouds; the newest where none is named.
+         */
+        ExportIn: {
+            /**
+             * Cloud
+             * @default
+             */
+            cloud?: string;
+            /** @default ply */
+            form?: components["schemas"]["ExportForm"];
+            /** Scan */
+            scan: string;
+        };
+        /**
+         * ExposureIn
+         * @description Which laser to expose for; the first where none is named.
+         */
+        ExposureIn: {
+            /** Laser */
+            laser?: string | null;
+            /** Longest Us */
+            longest_us?: number | null;
+        };
+        /**
+         * ExposureOut
+         * @description What was found; the camera has it, and keeps it for laser pictures.
+         *
+         *     Attributes:
+         *         control: exposure, or gain of a camera without.
+         *         clipped: share of the stripe's lines that are saturated with it.
+         *         bright_grey: brightness of the stripe, grey levels.
+         *         pictures: that were taken.
+         *         advice: empty where all is well; `dim` or `uneven`, see `find_exposure`.
+         */
+        ExposureOut: {
+            /**
+             * Advice
+             * @enum {string}
+             */
+            advice: "" | "dim" | "uneven";
+            /** Bright Grey */
+            bright_grey: number;
+            /** Clipped */
+            clipped: number;
+            control: components["schemas"]["ControlOut"];
+            /** Pictures */
+            pictures: number;
+        };
+        /**
+         * FreedOut
+         * @description What erasing something gave back.
+         */
+        FreedOut: {
+            /** Freed Bytes */
+            freed_bytes: number;
+        };
+        /**
+         * ImportedOut
+         * @description What came of an import.
+         *
+         *     Attributes:
+         *         calibration: as it is kept.
+         *         was_there: whether the same was kept already.
+         */
+        ImportedOut: {
+            calibration: components["schemas"]["CalibrationDetailOut"];
+            /** Was There */
+            was_there: boolean;
+        };
+        /**
+         * Instruction
+         * @description What to do now.
+         *
+         *     Attributes:
+         *         code: for translation: those of `Wish`, and `hold-board`, `show-lasers`, `place-board`,
+         *             `place-board-again`, `clear-table`, `wait`, `device-away`, `done`.
+         *         words: the same, a sentence.
+         *         target: where in the picture the board should go; None for anywhere.
+         *         problem: why it is asked for again; empty for the first time.
+         */
+        Instruction: {
+            /** Code */
+            code: string;
+            /**
+             * Problem
+             * @default
+             */
+            problem?: string;
+            /** Target */
+            target?: [
+                number,
+                number
+            ] | null;
+            /** Words */
+            words: string;
+        };
+        /**
          * JobChangedOut
-         * @description A job stands differently.
+         * @description A job is new, or at another point than before.
          */
         JobChangedOut: {
             job: components["schemas"]["JobOut"];
@@ -616,6 +2764,8 @@ export interface components {
          * @description A job; see `JobSnapshot`.
          */
         JobOut: {
+            /** Can Resume */
+            can_resume: boolean;
             /**
              * Created
              * Format: date-time
@@ -636,6 +2786,10 @@ export interface components {
             result: {
                 [key: string]: unknown;
             };
+            /** Scan */
+            scan: string;
+            /** Seconds */
+            seconds: number;
             /** Seconds Left */
             seconds_left: number | null;
             state: components["schemas"]["JobState"];
@@ -668,26 +2822,58 @@ export interface components {
          */
         JobState: "queued" | "running" | "paused" | "done" | "failed" | "cancelled";
         /**
-         * Kind
-         * @description The kinds of live picture.
-         * @enum {string}
+         * Line
+         * @description A line in the board's own language.
+         *
+         *     Attributes:
+         *         understood: that the board does whatever it is told, and that this is the sender's own risk.
          */
-        Kind: "raw" | "mask" | "overlay" | "stripe";
+        Line: {
+            /** Line */
+            line: string;
+            /**
+             * Understood
+             * @default false
+             */
+            understood?: boolean;
+        };
         /**
          * LiveIn
          * @description Settings to change; what is absent stays. `threshold` 0 is the detector's own, empty text is none.
+         *
+         *     Attributes:
+         *         width: of pictures for viewers that ask for none; 0 for half the camera's.
+         *         line_step: the stripe is looked for on every so-manieth line.
+         *         polygon: corners of the part of the picture that counts, as shares of width and height; none for all.
+         *         cylinder: the limits that are shown where there is a calibration; null for those of a usual scan.
          */
         LiveIn: {
             /** Channel */
             channel?: string | null;
+            cylinder?: components["schemas"]["Cylinder"] | null;
             /** Detector */
             detector?: string | null;
             /** Laser */
             laser?: string | null;
+            /** Line Step */
+            line_step?: number | null;
+            /** Polygon */
+            polygon?: [
+                number,
+                number
+            ][] | null;
             /** Quality */
             quality?: number | null;
+            /** Shows Board */
+            shows_board?: boolean | null;
+            /** Shows Markers */
+            shows_markers?: boolean | null;
+            /** Shows Region */
+            shows_region?: boolean | null;
             /** Threshold */
             threshold?: number | null;
+            /** Width */
+            width?: number | null;
         };
         /**
          * LiveOut
@@ -696,31 +2882,164 @@ export interface components {
         LiveOut: {
             /** Channel */
             channel: string | null;
+            cylinder: components["schemas"]["Cylinder"] | null;
             /** Detector */
             detector: string;
             /** Laser */
             laser: string | null;
+            /** Line Step */
+            line_step: number;
+            /** Polygon */
+            polygon: [
+                number,
+                number
+            ][];
             /** Quality */
             quality: number;
+            /** Shows Board */
+            shows_board: boolean;
+            /** Shows Markers */
+            shows_markers: boolean;
+            /** Shows Region */
+            shows_region: boolean;
             /** Threshold */
             threshold: number | null;
+            /** Width */
+            width: number | null;
+        };
+        /**
+         * LoginIn
+         * @description Either of the two; the key is one that the server shows as a code.
+         */
+        LoginIn: {
+            /**
+             * Key
+             * @default
+             */
+            key?: string;
+            /**
+             * Password
+             * @default
+             */
+            password?: string;
+        };
+        /**
+         * LookIn
+         * @description From where to look; `tab` is the page's own name of its view, all pages where it is absent.
+         */
+        LookIn: {
+            /**
+             * Preset
+             * @enum {string}
+             */
+            preset: "home" | "top" | "front" | "back" | "left" | "right" | "scanner" | "camera";
+            /** Tab */
+            tab?: string | null;
         };
         /**
          * Move
-         * @description Where to turn the table, in degrees as the board counts.
+         * @description Where to turn the table: to an angle as the board counts, or by so much; one of them.
+         *
+         *     Attributes:
+         *         speed_deg_s: of a turn by so much; as fast as usual where it is absent.
          */
         Move: {
             /** Angle Deg */
-            angle_deg: number;
+            angle_deg?: number | null;
+            /** By Deg */
+            by_deg?: number | null;
+            /** Speed Deg S */
+            speed_deg_s?: number | null;
         };
         /**
-         * NewsOut
-         * @description One event, over the socket or in the stream; `type` says which it is.
+         * NoticeOut
+         * @description Something to be told to people, whatever they are doing.
          */
-        NewsOut: components["schemas"]["JobChangedOut"] | components["schemas"]["JobSaidOut"] | components["schemas"]["PointsAddedOut"] | components["schemas"]["BenchChangedOut"];
+        NoticeOut: {
+            /** Hint */
+            hint: string;
+            /** Text */
+            text: string;
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            type: "notice";
+        };
+        /**
+         * PasswordIn
+         * @description The new password, and the old one where there is one.
+         */
+        PasswordIn: {
+            /** New */
+            new: string;
+            /**
+             * Old
+             * @default
+             */
+            old?: string;
+        };
+        /**
+         * PictureOut
+         * @description A picture of a recording.
+         *
+         *     Attributes:
+         *         number: names it, from 0.
+         *         angle_deg: of the table; null where nobody knows.
+         *         lasers_on: that were lit.
+         *         pose: number of the board's placement.
+         *         time_s: since the recording began.
+         */
+        PictureOut: {
+            /** Angle Deg */
+            angle_deg: number | null;
+            /** Exposure Us */
+            exposure_us: number | null;
+            /** Lasers On */
+            lasers_on: string[];
+            /** Number */
+            number: number;
+            /** Pose */
+            pose: number | null;
+            role: components["schemas"]["Role"];
+            /** Time S */
+            time_s: number | null;
+        };
+        /**
+         * PicturesOut
+         * @description A page of them.
+         *
+         *     Attributes:
+         *         total: pictures of the roles that were asked for.
+         *         width, height: of each, pixels.
+         */
+        PicturesOut: {
+            /** Height */
+            height: number;
+            /** Pictures */
+            pictures: components["schemas"]["PictureOut"][];
+            /** Start */
+            start: number;
+            /** Total */
+            total: number;
+            /** Width */
+            width: number;
+        };
+        /**
+         * PlaneChangeOut
+         * @description See `PlaneChange`.
+         */
+        PlaneChangeOut: {
+            /** Angle Deg */
+            angle_deg: number;
+            /** At Axis Mm */
+            at_axis_mm: number | null;
+            /** Name */
+            name: string;
+        };
         /**
          * PointsAddedOut
-         * @description A scan has so many points by now.
+         * @description A scan has more points: so many in all.
          */
         PointsAddedOut: {
             /** Job Id */
@@ -769,12 +3088,99 @@ export interface components {
             message: string;
         };
         /**
+         * ProofFindingOut
+         * @description One number of a proof; see `ProofFinding`. `name` is for translation, `level` for the colour.
+         */
+        ProofFindingOut: {
+            /**
+             * Cause
+             * @default
+             */
+            cause?: string;
+            /** Fair Mm */
+            fair_mm?: number | null;
+            /** Good Mm */
+            good_mm?: number | null;
+            /**
+             * Level
+             * @default green
+             * @enum {string}
+             */
+            level?: "green" | "amber" | "red";
+            /** Name */
+            name: string;
+            /**
+             * Remedy
+             * @default
+             */
+            remedy?: string;
+            /** Value Mm */
+            value_mm: number;
+            verdict: components["schemas"]["Verdict"];
+            /** Words */
+            words: string;
+        };
+        /**
+         * ProofOut
+         * @description What the proof of a calibration found.
+         */
+        ProofOut: {
+            /** Findings */
+            findings: components["schemas"]["ProofFindingOut"][];
+            /**
+             * Level
+             * @default green
+             * @enum {string}
+             */
+            level?: "green" | "amber" | "red";
+            /** Points */
+            points: number;
+            /** Stops */
+            stops: number;
+            verdict: components["schemas"]["Verdict"];
+        };
+        /**
          * ReconstructIn
-         * @description A scan to compute again with the calibration in use.
+         * @description A scan to compute again.
+         *
+         *     Attributes:
+         *         scan: its name in the library.
+         *         calibration: a name in the store, `current` for the one in use, `own` for that of the scan.
          */
         ReconstructIn: {
+            /** Above Mm */
+            above_mm?: number | null;
+            /** Below Mm */
+            below_mm?: number | null;
+            /**
+             * Calibration
+             * @default current
+             */
+            calibration?: string;
+            /**
+             * Detector
+             * @default zero-crossing
+             */
+            detector?: string;
+            /**
+             * Min Quality
+             * @default 0
+             */
+            min_quality?: number;
+            /** Radius Mm */
+            radius_mm?: number | null;
             /** Scan */
             scan: string;
+            /**
+             * Uses Markers
+             * @default true
+             */
+            uses_markers?: boolean;
+            /**
+             * With Colour
+             * @default true
+             */
+            with_colour?: boolean;
         };
         /**
          * ResumeIn
@@ -793,6 +3199,26 @@ export interface components {
             scan: string;
         };
         /**
+         * RetryIn
+         * @description A job to do again, or a scan to go on with.
+         *
+         *     Attributes:
+         *         accept_position: see `ResumeIn`.
+         */
+        RetryIn: {
+            /**
+             * Accept Position
+             * @default false
+             */
+            accept_position?: boolean;
+        };
+        /**
+         * Role
+         * @description What a frame is for; see the recording format.
+         * @enum {string}
+         */
+        Role: "intrinsics" | "laser_plane" | "axis" | "axis_line" | "scan" | "texture" | "background";
+        /**
          * ScanIn
          * @description A scan that is wanted.
          *
@@ -804,19 +3230,37 @@ export interface components {
          *         turn_deg: how far the table turns.
          *         seconds_per_turn: of a steady turn.
          *         with_dark: pictures with the lasers off, too.
+         *         texture_every: at every n-th stop a picture with the camera's settings for texture; 0 for none.
+         *         together: all lasers lit in one picture.
          */
         ScanIn: {
+            /** Above Mm */
+            above_mm?: number | null;
+            /** Below Mm */
+            below_mm?: number | null;
+            /**
+             * Detector
+             * @default zero-crossing
+             */
+            detector?: string;
             /**
              * Lasers
              * @default []
              */
             lasers?: string[];
             /**
+             * Min Quality
+             * @default 0
+             */
+            min_quality?: number;
+            /**
              * Mode
              * @default step
              * @enum {string}
              */
             mode?: "step" | "continuous";
+            /** Radius Mm */
+            radius_mm?: number | null;
             /**
              * Seconds Per Turn
              * @default 30
@@ -828,15 +3272,35 @@ export interface components {
              */
             steps?: number;
             /**
+             * Texture Every
+             * @default 0
+             */
+            texture_every?: number;
+            /**
              * Title
              * @default Scan
              */
             title?: string;
             /**
+             * Together
+             * @default false
+             */
+            together?: boolean;
+            /**
              * Turn Deg
              * @default 360
              */
             turn_deg?: number;
+            /**
+             * Uses Markers
+             * @default true
+             */
+            uses_markers?: boolean;
+            /**
+             * With Colour
+             * @default true
+             */
+            with_colour?: boolean;
             /**
              * With Dark
              * @default true
@@ -846,8 +3310,14 @@ export interface components {
         /**
          * ScanOut
          * @description A scan; see `ScanItem`.
+         *
+         *     Attributes:
+         *         size_bytes: of everything in its folder; `recording.zip` is a little larger.
+         *         points: of the newest cloud.
+         *         clouds: oldest first.
          */
         ScanOut: {
+            calibration: components["schemas"]["app__api__scan_models__CalibrationOut"] | null;
             /** Clouds */
             clouds: components["schemas"]["CloudOut"][];
             /**
@@ -863,6 +3333,8 @@ export interface components {
             note: string;
             /** Pictures */
             pictures: number;
+            /** Points */
+            points: number;
             /** Reason */
             reason: string;
             /** Size Bytes */
@@ -873,12 +3345,289 @@ export interface components {
             title: string;
         };
         /**
+         * SessionIn
+         * @description A calibration to go on with.
+         *
+         *     Attributes:
+         *         session: name of its pictures.
+         *         redo: a step that is to be done again; `solving` computes again from what there is.
+         *         hands: who shows the board; by default who did.
+         */
+        SessionIn: {
+            /** Hands */
+            hands?: ("person" | "simulated") | null;
+            redo?: components["schemas"]["Step"] | null;
+            /** Session */
+            session: string;
+        };
+        /**
+         * ShowIn
+         * @description A scan of the library to show; its newest cloud where none is named.
+         */
+        ShowIn: {
+            /** Cloud */
+            cloud?: string | null;
+            /** Scan */
+            scan: string;
+        };
+        /**
+         * Sight
+         * @description What the newest picture shows of the board.
+         * @enum {string}
+         */
+        Sight: "unknown" | "unseen" | "moving" | "still" | "taken";
+        /**
+         * SpaceOut
+         * @description Room on the disk of the library; see `Space`.
+         */
+        SpaceOut: {
+            /** Bin Bytes */
+            bin_bytes: number;
+            /** Free Bytes */
+            free_bytes: number;
+            /** Upload Bytes */
+            upload_bytes: number;
+            /** Used Bytes */
+            used_bytes: number;
+        };
+        /**
+         * StageOut
+         * @description What stands there.
+         */
+        StageOut: {
+            stage: components["schemas"]["Standing"];
+        };
+        /**
+         * Standing
+         * @description What can stand there; the board in one place on the table or another, or held in hands.
+         * @enum {string}
+         */
+        Standing: "object" | "nothing" | "board" | "board-again" | "held" | "held-across";
+        /**
+         * StateOut
+         * @description How everything stands: the first event of each connection, in place of whatever was known before.
+         */
+        StateOut: {
+            bench: components["schemas"]["BenchOut"];
+            counters: components["schemas"]["CountersOut"];
+            /** Jobs */
+            jobs: components["schemas"]["JobOut"][];
+            /**
+             * @description discriminator enum property added by openapi-typescript
+             * @enum {string}
+             */
+            type: "state";
+        };
+        /**
+         * Step
+         * @description What is done one after the other; those that a kind has no use for are left out.
+         * @enum {string}
+         */
+        Step: "camera" | "lasers" | "board" | "proof" | "table" | "solving" | "proving" | "done";
+        /**
          * Switch
          * @description On or off.
          */
         Switch: {
             /** On */
             on: boolean;
+        };
+        /**
+         * TableOut
+         * @description What the board can do; known once it is connected.
+         *
+         *     Attributes:
+         *         driver: that speaks with it.
+         *         port: where it is.
+         *         smallest_deg: the smallest turn it makes.
+         *         slowest_deg_s, fastest_deg_s: speeds of a steady turn; None for a fastest that nobody knows.
+         *         can_turn_steadily: whether it can be asked for a speed.
+         *         can_stop: whether a move can be stopped.
+         *         turns_by_itself: it turns all the time, and cannot be sent anywhere.
+         *         lasers_by_hand: a person switches the lasers.
+         */
+        TableOut: {
+            /** Can Stop */
+            can_stop: boolean;
+            /** Can Turn Steadily */
+            can_turn_steadily: boolean;
+            /** Driver */
+            driver: string;
+            /** Fastest Deg S */
+            fastest_deg_s: number | null;
+            /** Lasers By Hand */
+            lasers_by_hand: boolean;
+            /** Port */
+            port: string;
+            /** Slowest Deg S */
+            slowest_deg_s: number;
+            /** Smallest Deg */
+            smallest_deg: number;
+            /** Turns By Itself */
+            turns_by_itself: boolean;
+        };
+        /**
+         * TextureIn
+         * @description A finished scan to give colours to, while its object still stands on the table.
+         *
+         *     Attributes:
+         *         scan: its name in the library.
+         *         pictures: in one turn.
+         */
+        TextureIn: {
+            /**
+             * Pictures
+             * @default 24
+             */
+            pictures?: number;
+            /** Scan */
+            scan: string;
+        };
+        /**
+         * ThrownAway
+         * @description Where a deleted scan is, until the bin is emptied.
+         */
+        ThrownAway: {
+            /** Key */
+            key: string;
+        };
+        /**
+         * TokenIn
+         * @description What the token is for.
+         */
+        TokenIn: {
+            /** Name */
+            name: string;
+        };
+        /**
+         * TokenMade
+         * @description A new token; the secret is shown this once.
+         *
+         *     Attributes:
+         *         secret: to be sent with every request, as `Authorization: Bearer SECRET`.
+         */
+        TokenMade: {
+            /** Name */
+            name: string;
+            /** Secret */
+            secret: string;
+        };
+        /**
+         * TokenOut
+         * @description A program that may use the server.
+         */
+        TokenOut: {
+            /**
+             * Created
+             * Format: date-time
+             */
+            created: string;
+            /** Id */
+            id: string;
+            /** Last Used */
+            last_used: string | null;
+            /** Name */
+            name: string;
+        };
+        /**
+         * TriedOut
+         * @description What was tried, and what was seen of it.
+         *
+         *     Attributes:
+         *         ok: whether it is as it should be; a device that fails is answered as a problem instead.
+         *         said: a sentence for each thing that was tried.
+         */
+        TriedOut: {
+            /** Ok */
+            ok: boolean;
+            /** Said */
+            said: string[];
+        };
+        /**
+         * Use
+         * @description What pictures are taken for; a camera has settings for each.
+         * @enum {string}
+         */
+        Use: "laser" | "texture" | "board";
+        /**
+         * Verdict
+         * @description How good a number is.
+         * @enum {string}
+         */
+        Verdict: "good" | "fair" | "bad";
+        /**
+         * ViewIn
+         * @description How to draw; what is absent stays.
+         */
+        ViewIn: {
+            /** Colour */
+            colour?: ("texture" | "height" | "laser" | "quality" | "angle") | null;
+            /** Dark */
+            dark?: boolean | null;
+            /** Point Size Mm */
+            point_size_mm?: number | null;
+        };
+        /**
+         * ViewOut
+         * @description What the view shows; see `Shown`.
+         */
+        ViewOut: {
+            /** Cloud */
+            cloud: string;
+            /**
+             * Colour
+             * @enum {string}
+             */
+            colour: "texture" | "height" | "laser" | "quality" | "angle";
+            /** Dark */
+            dark: boolean;
+            /** Live */
+            live: boolean;
+            /** Point Size Mm */
+            point_size_mm: number;
+            /** Points */
+            points: number;
+            /** Scan */
+            scan: string;
+            /** Viewers */
+            viewers: number;
+        };
+        /**
+         * ViewState
+         * @description One view that was taken.
+         *
+         *     Attributes:
+         *         number: of the view, for `strike` and its thumbnail.
+         *         step: camera, lasers or board.
+         *         pose: number of the board's place, where it has one.
+         *         angle_deg: of the table, where it stood on it.
+         *         corners: how many corners were found.
+         *         outline: the board's outermost corners, in the order of a walk around; empty where not found.
+         *         rms_px: how well it fits the others; None while nobody knows.
+         *         is_struck: whether it is left out.
+         *         reason: why.
+         */
+        ViewState: {
+            /** Angle Deg */
+            angle_deg: number | null;
+            /** Corners */
+            corners: number;
+            /** Is Struck */
+            is_struck: boolean;
+            /** Number */
+            number: number;
+            /** Outline */
+            outline: [
+                number,
+                number
+            ][];
+            /** Pose */
+            pose: number | null;
+            /** Reason */
+            reason: string;
+            /** Rms Px */
+            rms_px: number | null;
+            step: components["schemas"]["Step"];
         };
         /**
          * Words
@@ -890,6 +3639,17 @@ export interface components {
             /** Title */
             title?: string | null;
         };
+        /**
+         * Zero
+         * @description What the place where the table stands is called from now on.
+         */
+        Zero: {
+            /**
+             * Angle Deg
+             * @default 0
+             */
+            angle_deg?: number;
+        };
     };
     responses: never;
     parameters: never;
@@ -897,32 +3657,464 @@ export interface components {
     headers: never;
     pathItems: never;
 }
+export type AccessOut = components['schemas']['AccessOut'];
+export type AnswerOut = components['schemas']['AnswerOut'];
+export type AnyEventOut = components['schemas']['AnyEventOut'];
+export type AppAccessAccessKind = components['schemas']['app__access__access__Kind'];
+export type AppApiBenchOutLaserOut = components['schemas']['app__api__bench_out__LaserOut'];
+export type AppApiCalibrationModelsCalibrationOut = components['schemas']['app__api__calibration_models__CalibrationOut'];
+export type AppApiCalibrationModelsComparisonOut = components['schemas']['app__api__calibration_models__ComparisonOut'];
+export type AppApiCalibrationModelsLaserOut = components['schemas']['app__api__calibration_models__LaserOut'];
+export type AppApiRoutesAccessSessionOut = components['schemas']['app__api__routes__access__SessionOut'];
+export type AppApiRoutesCalibrateSessionOut = components['schemas']['app__api__routes__calibrate__SessionOut'];
+export type AppApiRoutesScanCompareComparisonOut = components['schemas']['app__api__routes__scan_compare__ComparisonOut'];
+export type AppApiScanModelsCalibrationOut = components['schemas']['app__api__scan_models__CalibrationOut'];
+export type AppJobsCalibrateStateKind = components['schemas']['app__jobs__calibrate_state__Kind'];
+export type AppLiveSettingsKind = components['schemas']['app__live__settings__Kind'];
+export type Arrow = components['schemas']['Arrow'];
+export type AxisChangeOut = components['schemas']['AxisChangeOut'];
+export type BallChangeOut = components['schemas']['BallChangeOut'];
 export type BenchChangedOut = components['schemas']['BenchChangedOut'];
 export type BenchOut = components['schemas']['BenchOut'];
 export type BinOut = components['schemas']['BinOut'];
+export type BoardOut = components['schemas']['BoardOut'];
+export type CalibrateIn = components['schemas']['CalibrateIn'];
+export type CalibrationChangedOut = components['schemas']['CalibrationChangedOut'];
+export type CalibrationDetailOut = components['schemas']['CalibrationDetailOut'];
+export type CalibrationState = components['schemas']['CalibrationState'];
+export type CameraChangeOut = components['schemas']['CameraChangeOut'];
 export type CameraOut = components['schemas']['CameraOut'];
+export type CharucoFacts = components['schemas']['CharucoFacts'];
 export type CheckupIn = components['schemas']['CheckupIn'];
+export type ChessboardFacts = components['schemas']['ChessboardFacts'];
+export type CirclesFacts = components['schemas']['CirclesFacts'];
 export type CloudOut = components['schemas']['CloudOut'];
+export type ControlName = components['schemas']['ControlName'];
+export type ControlOut = components['schemas']['ControlOut'];
+export type ControlsIn = components['schemas']['ControlsIn'];
+export type CountersOut = components['schemas']['CountersOut'];
+export type Cylinder = components['schemas']['Cylinder'];
+export type DeviationOut = components['schemas']['DeviationOut'];
+export type DifferenceOut = components['schemas']['DifferenceOut'];
+export type DistancesOut = components['schemas']['DistancesOut'];
+export type ErasedOut = components['schemas']['ErasedOut'];
+export type EstimateOut = components['schemas']['EstimateOut'];
+export type ExportForm = components['schemas']['ExportForm'];
+export type ExportIn = components['schemas']['ExportIn'];
+export type ExposureIn = components['schemas']['ExposureIn'];
+export type ExposureOut = components['schemas']['ExposureOut'];
+export type FreedOut = components['schemas']['FreedOut'];
+export type ImportedOut = components['schemas']['ImportedOut'];
+export type Instruction = components['schemas']['Instruction'];
 export type JobChangedOut = components['schemas']['JobChangedOut'];
 export type JobOut = components['schemas']['JobOut'];
 export type JobSaidOut = components['schemas']['JobSaidOut'];
 export type JobState = components['schemas']['JobState'];
-export type Kind = components['schemas']['Kind'];
+export type Line = components['schemas']['Line'];
 export type LiveIn = components['schemas']['LiveIn'];
 export type LiveOut = components['schemas']['LiveOut'];
+export type LoginIn = components['schemas']['LoginIn'];
+export type LookIn = components['schemas']['LookIn'];
 export type Move = components['schemas']['Move'];
-export type NewsOut = components['schemas']['NewsOut'];
+export type NoticeOut = components['schemas']['NoticeOut'];
+export type PasswordIn = components['schemas']['PasswordIn'];
+export type PictureOut = components['schemas']['PictureOut'];
+export type PicturesOut = components['schemas']['PicturesOut'];
+export type PlaneChangeOut = components['schemas']['PlaneChangeOut'];
 export type PointsAddedOut = components['schemas']['PointsAddedOut'];
 export type Problem = components['schemas']['Problem'];
 export type ProblemOut = components['schemas']['ProblemOut'];
+export type ProofFindingOut = components['schemas']['ProofFindingOut'];
+export type ProofOut = components['schemas']['ProofOut'];
 export type ReconstructIn = components['schemas']['ReconstructIn'];
 export type ResumeIn = components['schemas']['ResumeIn'];
+export type RetryIn = components['schemas']['RetryIn'];
+export type Role = components['schemas']['Role'];
 export type ScanIn = components['schemas']['ScanIn'];
 export type ScanOut = components['schemas']['ScanOut'];
+export type SessionIn = components['schemas']['SessionIn'];
+export type ShowIn = components['schemas']['ShowIn'];
+export type Sight = components['schemas']['Sight'];
+export type SpaceOut = components['schemas']['SpaceOut'];
+export type StageOut = components['schemas']['StageOut'];
+export type Standing = components['schemas']['Standing'];
+export type StateOut = components['schemas']['StateOut'];
+export type Step = components['schemas']['Step'];
 export type Switch = components['schemas']['Switch'];
+export type TableOut = components['schemas']['TableOut'];
+export type TextureIn = components['schemas']['TextureIn'];
+export type ThrownAway = components['schemas']['ThrownAway'];
+export type TokenIn = components['schemas']['TokenIn'];
+export type TokenMade = components['schemas']['TokenMade'];
+export type TokenOut = components['schemas']['TokenOut'];
+export type TriedOut = components['schemas']['TriedOut'];
+export type Use = components['schemas']['Use'];
+export type Verdict = components['schemas']['Verdict'];
+export type ViewIn = components['schemas']['ViewIn'];
+export type ViewOut = components['schemas']['ViewOut'];
+export type ViewState = components['schemas']['ViewState'];
 export type Words = components['schemas']['Words'];
+export type Zero = components['schemas']['Zero'];
 export type $defs = Record<string, never>;
 export interface operations {
+    show_access_api_v1_access_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AccessOut"];
+                };
+            };
+        };
+    };
+    log_in_api_v1_access_login_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["LoginIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AccessOut"];
+                };
+            };
+        };
+    };
+    log_out_api_v1_access_logout_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AccessOut"];
+                };
+            };
+        };
+    };
+    change_password_api_v1_access_password_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PasswordIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AccessOut"];
+                };
+            };
+        };
+    };
+    list_sessions_api_v1_access_sessions_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["app__api__routes__access__SessionOut"][];
+                };
+            };
+        };
+    };
+    end_session_api_v1_access_sessions__session_id__delete: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                session_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["app__api__routes__access__SessionOut"][];
+                };
+            };
+        };
+    };
+    list_tokens_api_v1_access_tokens_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TokenOut"][];
+                };
+            };
+        };
+    };
+    make_token_api_v1_access_tokens_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["TokenIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TokenMade"];
+                };
+            };
+        };
+    };
+    end_token_api_v1_access_tokens__token_id__delete: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                token_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TokenOut"][];
+                };
+            };
+        };
+    };
     show_bench_api_v1_bench_get: {
         parameters: {
             query?: never;
@@ -961,6 +4153,128 @@ export interface operations {
             };
         };
     };
+    show_controls_api_v1_bench_camera_controls_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ControlOut"][];
+                };
+            };
+        };
+    };
+    change_controls_api_v1_bench_camera_controls_patch: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ControlsIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ControlOut"][];
+                };
+            };
+        };
+    };
+    find_laser_exposure_api_v1_bench_camera_find_exposure_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ExposureIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ExposureOut"];
+                };
+            };
+        };
+    };
     connect_bench_api_v1_bench_connect_post: {
         parameters: {
             query?: never;
@@ -995,6 +4309,48 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["BenchOut"];
+                };
+            };
+        };
+    };
+    talk_to_board_api_v1_bench_console_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["Line"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AnswerOut"];
                 };
             };
         };
@@ -1039,6 +4395,128 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["BenchOut"];
+                };
+            };
+        };
+    };
+    hold_table_api_v1_bench_motor_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["Switch"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BenchOut"];
+                };
+            };
+        };
+    };
+    show_stage_api_v1_bench_simulated_stage_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["StageOut"];
+                };
+            };
+        };
+    };
+    set_stage_api_v1_bench_simulated_stage_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["StageOut"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["StageOut"];
                 };
             };
         };
@@ -1123,7 +4601,7 @@ export interface operations {
             };
         };
     };
-    stream_events_api_v1_events_stream_get: {
+    try_camera_api_v1_bench_try_camera_post: {
         parameters: {
             query?: never;
             header?: never;
@@ -1156,7 +4634,1096 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["NewsOut"];
+                    "application/json": components["schemas"]["TriedOut"];
+                };
+            };
+        };
+    };
+    try_lasers_api_v1_bench_try_lasers_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TriedOut"];
+                };
+            };
+        };
+    };
+    try_table_api_v1_bench_try_table_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["TriedOut"];
+                };
+            };
+        };
+    };
+    zero_table_api_v1_bench_zero_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["Zero"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BenchOut"];
+                };
+            };
+        };
+    };
+    show_board_api_v1_boards_board_json_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BoardOut"];
+                };
+            };
+        };
+    };
+    print_pdf_api_v1_boards_print_pdf_get: {
+        parameters: {
+            query?: {
+                columns?: number;
+                dictionary?: string;
+                kind?: ("chessboard" | "charuco" | "circles" | "asymmetric_circles") | null;
+                marker_mm?: number;
+                paper?: "a4" | "letter";
+                rows?: number;
+                spacing_mm?: number;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+        };
+    };
+    print_svg_api_v1_boards_print_svg_get: {
+        parameters: {
+            query?: {
+                columns?: number;
+                dictionary?: string;
+                kind?: ("chessboard" | "charuco" | "circles" | "asymmetric_circles") | null;
+                marker_mm?: number;
+                paper?: "a4" | "letter";
+                rows?: number;
+                spacing_mm?: number;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+        };
+    };
+    start_calibration_api_v1_calibrate_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["CalibrateIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+        };
+    };
+    show_calibration_api_v1_calibrate__job_id__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CalibrationState"];
+                };
+            };
+        };
+    };
+    continue_calibration_api_v1_calibrate__job_id__continue_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CalibrationState"];
+                };
+            };
+        };
+    };
+    take_view_api_v1_calibrate__job_id__take_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CalibrationState"];
+                };
+            };
+        };
+    };
+    show_view_api_v1_calibrate__job_id__views__number__jpg_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+                number: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+        };
+    };
+    restore_view_api_v1_calibrate__job_id__views__number__restore_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+                number: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CalibrationState"];
+                };
+            };
+        };
+    };
+    strike_view_api_v1_calibrate__job_id__views__number__strike_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+                number: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CalibrationState"];
+                };
+            };
+        };
+    };
+    show_latest_api_v1_calibrate_latest_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CalibrationState"] | null;
+                };
+            };
+        };
+    };
+    resume_calibration_api_v1_calibrate_resume_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SessionIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+        };
+    };
+    list_sessions_api_v1_calibrate_sessions_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["app__api__routes__calibrate__SessionOut"][];
+                };
+            };
+        };
+    };
+    list_calibrations_api_v1_calibrations_get: {
+        parameters: {
+            query?: {
+                removed?: boolean;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["app__api__calibration_models__CalibrationOut"][];
+                };
+            };
+        };
+    };
+    show_calibration_api_v1_calibrations__name__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CalibrationDetailOut"];
+                };
+            };
+        };
+    };
+    remove_calibration_api_v1_calibrations__name__delete: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["app__api__calibration_models__CalibrationOut"];
+                };
+            };
+        };
+    };
+    download_calibration_api_v1_calibrations__name__calibration_json_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+        };
+    };
+    download_opencv_api_v1_calibrations__name__opencv_yml_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+        };
+    };
+    show_report_api_v1_calibrations__name__report_html_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+        };
+    };
+    use_calibration_api_v1_calibrations__name__use_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CalibrationDetailOut"];
+                };
+            };
+        };
+    };
+    restore_calibration_api_v1_calibrations_bin__name__restore_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["app__api__calibration_models__CalibrationOut"];
+                };
+            };
+        };
+    };
+    compare_calibrations_api_v1_calibrations_compare_get: {
+        parameters: {
+            query: {
+                first: string;
+                second: string;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["app__api__calibration_models__ComparisonOut"];
+                };
+            };
+        };
+    };
+    import_calibration_api_v1_calibrations_import_post: {
+        parameters: {
+            query: {
+                /** @description What the file is called. */
+                file: string;
+                /** @description Whether they are mirrored then; by default as on this bench. */
+                mirror?: boolean | null;
+                /** @description How pictures are turned, degrees clockwise; by default as on this bench. */
+                rotation?: ("0" | "90" | "180" | "270") | null;
+                /** @description Use it from now on. */
+                use?: boolean;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/octet-stream": string;
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ImportedOut"];
+                };
+            };
+        };
+    };
+    stream_events_api_v1_events_stream_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description A stream of events; the data of each is JSON of this form. `state` comes first. */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AnyEventOut"];
                 };
             };
         };
@@ -1239,6 +5806,46 @@ export interface operations {
             };
         };
     };
+    delete_job_api_v1_jobs__job_id__delete: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+        };
+    };
     cancel_job_api_v1_jobs__job_id__cancel_post: {
         parameters: {
             query?: never;
@@ -1276,6 +5883,44 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["JobOut"];
                 };
+            };
+        };
+    };
+    download_file_api_v1_jobs__job_id__file_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
         };
     };
@@ -1399,6 +6044,50 @@ export interface operations {
             };
         };
     };
+    retry_job_api_v1_jobs__job_id__retry_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["RetryIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+        };
+    };
     start_checkup_api_v1_jobs_checkup_post: {
         parameters: {
             query?: never;
@@ -1409,6 +6098,48 @@ export interface operations {
         requestBody: {
             content: {
                 "application/json": components["schemas"]["CheckupIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+        };
+    };
+    start_export_api_v1_jobs_export_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ExportIn"];
             };
         };
         responses: {
@@ -1567,6 +6298,90 @@ export interface operations {
             };
         };
     };
+    estimate_scan_api_v1_jobs_scan_estimate_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ScanIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["EstimateOut"];
+                };
+            };
+        };
+    };
+    start_texture_api_v1_jobs_texture_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["TextureIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+        };
+    };
     stream_pictures_api_v1_live__kind__mjpeg_get: {
         parameters: {
             query?: {
@@ -1574,7 +6389,7 @@ export interface operations {
             };
             header?: never;
             path: {
-                kind: components["schemas"]["Kind"];
+                kind: components["schemas"]["app__live__settings__Kind"];
             };
             cookie?: never;
         };
@@ -1725,6 +6540,47 @@ export interface operations {
             };
         };
     };
+    compare_api_v1_scans__first__compare__second__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                first: string;
+                second: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["app__api__routes__scan_compare__ComparisonOut"];
+                };
+            };
+        };
+    };
     show_scan_api_v1_scans__name__get: {
         parameters: {
             query?: never;
@@ -1800,7 +6656,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["BinOut"];
+                    "application/json": components["schemas"]["ThrownAway"];
                 };
             };
         };
@@ -1849,7 +6705,176 @@ export interface operations {
             };
         };
     };
-    download_cloud_api_v1_scans__name__cloud_ply_get: {
+    show_document_api_v1_scans__name___document__json_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                document: "scan" | "calibration" | "recording" | "about";
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": unknown;
+                };
+            };
+        };
+    };
+    download_newest_cloud_api_v1_scans__name__cloud_ply_get: {
+        parameters: {
+            query?: {
+                /** @description Numbers as bytes or as text; as it is kept, where absent. */
+                form?: ("binary" | "ascii") | null;
+            };
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": unknown;
+                };
+            };
+        };
+    };
+    download_cloud_api_v1_scans__name__clouds__cloud__get: {
+        parameters: {
+            query?: {
+                /** @description Numbers as bytes or as text; as it is kept, where absent. */
+                form?: ("binary" | "ascii") | null;
+            };
+            header?: never;
+            path: {
+                cloud: string;
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": unknown;
+                };
+            };
+        };
+    };
+    erase_cloud_api_v1_scans__name__clouds__cloud__delete: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                cloud: string;
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FreedOut"];
+                };
+            };
+        };
+    };
+    show_scan_log_api_v1_scans__name__log_get: {
         parameters: {
             query?: never;
             header?: never;
@@ -1883,7 +6908,142 @@ export interface operations {
                 headers: {
                     [name: string]: unknown;
                 };
-                content?: never;
+                content: {
+                    "application/json": string[];
+                };
+            };
+        };
+    };
+    show_how_cloud_was_made_api_v1_scans__name__made__cloud__get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                cloud: string;
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": unknown;
+                };
+            };
+        };
+    };
+    list_pictures_api_v1_scans__name__pictures_get: {
+        parameters: {
+            query?: {
+                /** @description How many to list at most. */
+                count?: number;
+                /** @description Of these roles alone. */
+                role?: components["schemas"]["Role"][] | null;
+                /** @description How many to pass over. */
+                start?: number;
+            };
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PicturesOut"];
+                };
+            };
+        };
+    };
+    show_picture_api_v1_scans__name__pictures__number__get: {
+        parameters: {
+            query?: {
+                /** @description No wider than that, as JPEG. */
+                width?: number | null;
+            };
+            header?: never;
+            path: {
+                name: string;
+                number: number;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "image/jpeg": unknown;
+                    "image/png": unknown;
+                };
             };
         };
     };
@@ -1921,7 +7081,9 @@ export interface operations {
                 headers: {
                     [name: string]: unknown;
                 };
-                content?: never;
+                content: {
+                    "application/zip": unknown;
+                };
             };
         };
     };
@@ -1959,7 +7121,131 @@ export interface operations {
                 headers: {
                     [name: string]: unknown;
                 };
-                content?: never;
+                content: {
+                    "image/png": unknown;
+                };
+            };
+        };
+    };
+    list_bin_api_v1_scans_bin_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["BinOut"][];
+                };
+            };
+        };
+    };
+    empty_bin_api_v1_scans_bin_delete: {
+        parameters: {
+            query: {
+                /** @description How many bytes the person was told that this frees; it must be so. */
+                frees: number;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErasedOut"];
+                };
+            };
+        };
+    };
+    erase_scan_api_v1_scans_bin__key__delete: {
+        parameters: {
+            query: {
+                /** @description How many bytes the person was told that this frees; it must be so. */
+                frees: number;
+            };
+            header?: never;
+            path: {
+                key: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErasedOut"];
+                };
             };
         };
     };
@@ -1999,6 +7285,292 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["ScanOut"];
+                };
+            };
+        };
+    };
+    show_space_api_v1_scans_space_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SpaceOut"];
+                };
+            };
+        };
+    };
+    upload_scan_api_v1_scans_upload_post: {
+        parameters: {
+            query?: {
+                /** @description What the file is called where it comes from. */
+                file?: string;
+                /** @description By default the one it has, or the file's name. */
+                title?: string;
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/octet-stream": string;
+                "application/zip": string;
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ScanOut"];
+                };
+            };
+        };
+    };
+    show_view_api_v1_view_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ViewOut"];
+                };
+            };
+        };
+    };
+    change_view_api_v1_view_patch: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ViewIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ViewOut"];
+                };
+            };
+        };
+    };
+    clear_view_api_v1_view_clear_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ViewOut"];
+                };
+            };
+        };
+    };
+    look_from_api_v1_view_look_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["LookIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+        };
+    };
+    show_scan_in_view_api_v1_view_show_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ShowIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ViewOut"];
                 };
             };
         };
