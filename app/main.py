@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+import os
 import threading
 from collections.abc import AsyncIterator
 from contextlib import ExitStack, asynccontextmanager, closing
@@ -29,7 +30,14 @@ from app.calibration.store import CalibrationStore
 from app.devices.bench import Bench
 from app.devices.bench_file import BenchDescription
 from app.devices.no_bench import no_bench
-from app.errors import BenchFileError, CalibrationFileError, DeviceError, OptionError, ScannerError
+from app.errors import (
+    BenchFileError,
+    CalibrationFileError,
+    DeviceError,
+    OptionError,
+    OutputError,
+    ScannerError,
+)
 from app.files import make_folder
 from app.follow import Follower
 from app.jobs.calibrate_desk import CalibrationDesk
@@ -45,6 +53,7 @@ from app.viewer.proxy import view_routes
 
 _START = Path(api.__file__).parent / "start"
 _POLICY = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'"
+_FIRST_ANSWERS_S = 0.1
 _log = logging.getLogger(__name__)
 
 
@@ -68,7 +77,7 @@ def create_app(
         view = building.enter_context(CloudView())
         building.enter_context(Follower(machine, view))
         for folder in (settings.scans, settings.jobs):
-            make_folder(folder)
+            _make(folder, machine)
         bus = EventBus()
         library = Library(settings.scans)
         runner = JobRunner(settings.jobs, bus, is_unfinished=unfinished_in(library))
@@ -99,7 +108,9 @@ def create_app(
     @asynccontextmanager
     async def lifespan(application: FastAPI) -> AsyncIterator[None]:
         with parts:
-            threading.Thread(target=_set_up, args=(served, view), name="connect", daemon=True).start()
+            setting_up = threading.Thread(target=_set_up, args=(served, view), name="connect", daemon=True)
+            # What it imports would hold up the first answers.
+            asyncio.get_running_loop().call_later(_FIRST_ANSWERS_S, setting_up.start)
             measuring = asyncio.create_task(lag.run())
             yield
             measuring.cancel()
@@ -135,6 +146,17 @@ def _start_page() -> FileResponse:
     return FileResponse(_START / "index.html", headers={"Content-Security-Policy": _POLICY})
 
 
+def _make(folder: Path, machine: Bench) -> None:
+    """A folder to keep things in; where there can be none, the bench says so and everything else works."""
+    try:
+        make_folder(folder)
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise OutputError(str(folder), "cannot be written")
+    except OutputError as error:
+        machine.complain(str(folder), f"{error.message}: nothing can be kept")
+        _log.warning("%s. %s", error.message, error.hint)
+
+
 def _may_enter(connection: HTTPConnection) -> bool:
     return pass_of(connection) is not None
 
@@ -159,7 +181,7 @@ def _set_up(served: Services, view: CloudView) -> None:
     try:
         served.bench.connect()
     except DeviceError as error:
-        _log.warning("%s %s", error.message, error.hint)
+        _log.warning("%s. %s", error.message.rstrip("."), error.hint)
     served.runner.bus.publish(BenchChanged())
     try:
         record = served.calibration()

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from app.access.access import Access
-from app.cli.bench import bench_description
+from app.cli.bench import BENCH_FILE, bench_description
 from app.cli.console import console, say, warn
 from app.devices.bench_file import BenchDescription
 from app.errors import BenchFileError, OptionError, OutputError, ScannerError
@@ -142,6 +142,12 @@ def _run(
 
 
 def _description(settings: Settings) -> BenchDescription | ScannerError:
+    if not settings.bench and not BENCH_FILE.is_file():
+        return BenchFileError(
+            str(BENCH_FILE),
+            "is not here, so there is no bench yet",
+            "Write one with `turnscan devices --write bench.toml`, or start with `--bench simulated`.",
+        )
     try:
         return bench_description(settings.bench)
     except (BenchFileError, OptionError) as error:

@@ -192,6 +192,29 @@ class Bench:
         if self._folder is not None:
             self._folder.cleanup()
 
+    def exchange(self, description: BenchDescription) -> None:
+        """Other devices in place of these, not connected yet; whoever has this bench has the new ones.
+
+        Raises:
+            BenchBusy: a job holds the bench.
+            OptionError, BenchFileError: the new one cannot be built; all is as it was.
+        """
+        with self.lease("choosing another bench", wait_s=0.0):
+            fresh = type(self).build(description)
+            former = Bench(
+                self.description, self.turntable, self.camera, world=self.world, folder=self._folder
+            )
+            former._watchdog = self._watchdog
+            former.disconnect()
+            with self._lock:
+                self.description, self.lasers = fresh.description, fresh.lasers
+                self.turntable, self.camera, self.world = fresh.turntable, fresh.camera, fresh.world
+                self._folder, self._watchdog, self._lit = fresh._folder, fresh._watchdog, fresh._lit
+                self._lit_at_s.clear()
+                for device in ("turntable", "camera"):
+                    self._problems.pop(device, None)
+                self._where = None
+
     @contextmanager
     def lease(self, holder: str, *, wait_s: float = _LEASE_WAIT_S) -> Iterator[None]:
         """Hold the bench for a job; lasers that somebody left on go off, and all is safe on every way out.
@@ -364,6 +387,10 @@ class Bench:
     def holder(self) -> str:
         """The job that holds the bench; empty for none."""
         return self._holder
+
+    def complain(self, about: str, problem: str) -> None:
+        """Tell among the problems of something beside the devices that will stay as it is."""
+        self._problems[about] = problem
 
     def snapshot(self) -> BenchSnapshot:
         """How it stands now; never waits for a device."""

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-import tomlkit
 from pydantic import Field, model_validator
 
 from app.devices.camera_driver import ControlName
@@ -188,6 +187,8 @@ def draft_bench(
         camera: likewise.
         lasers: what is known of them; two at the outputs 1 and 2 where nothing is.
     """
+    import tomlkit  # only needed to write one
+
     document = tomlkit.document()
     document.add(
         tomlkit.comment("A bench of Turnscan: `turnscan doctor --bench FILE` measures what is said here.")

@@ -7,7 +7,7 @@ from app.devices.bench_file import BenchDescription, CameraEntry, TurntableEntry
 from app.devices.camera import Camera
 from app.devices.camera_driver import CameraFacts, Control, ControlName, RawFrame
 from app.devices.turntable import Farewell, SteadyTurn, TurntableFacts
-from app.errors import DeviceNotFound, ScannerError
+from app.errors import BenchFileError, DeviceNotFound, ScannerError
 
 
 def no_bench(reason: ScannerError) -> Bench:
@@ -67,7 +67,10 @@ class _NoTurntable:
         raise self._missing()
 
     def _missing(self) -> DeviceNotFound:
-        return DeviceNotFound("no bench", self._reason.message, self._reason.hint)
+        reason = self._reason
+        if isinstance(reason, BenchFileError):
+            return DeviceNotFound(reason.where, reason.problem, reason.hint)
+        return DeviceNotFound("bench", reason.message, reason.hint)
 
 
 class _NoCamera:

@@ -1,5 +1,6 @@
 """Jobs on disk: a JSON document and a log for each, from which the next run of the program knows them."""
 
+import contextlib
 import json
 import logging
 import re
@@ -26,17 +27,15 @@ class JobArchive:
     """A folder of jobs. Writing never fails: a full disk must not take a job down with it.
 
     Args:
-        folder: made where it is missing.
-
-    Raises:
-        OutputError: it cannot be made.
+        folder: made where it is missing; where that fails, nothing is kept.
     """
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        make_folder(folder)
         self._lock = threading.Lock()
         self._problem = ""
+        with contextlib.suppress(OutputError):
+            make_folder(folder)
 
     def load(self) -> list[JobSnapshot]:
         """The newest some hundred, in the order they were taken; what is damaged is logged and left out."""

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from app.geometry.arrays import Floats, Vector3
 
@@ -60,6 +59,8 @@ def agreement(
     b = second[np.any(second[:, 3:] != 0.0, axis=1)].astype(np.float64)
     if len(a) < _NEIGHBOURS or len(b) < _FEWEST:
         return None
+    from scipy.spatial import cKDTree  # a quarter of a second, which the server's start can do without
+
     found = cKDTree(a[:, :3]).query(b[:, :3], _NEIGHBOURS, distance_upper_bound=_FURTHEST_MM)
     distance, index = np.asarray(found[0]), np.asarray(found[1])
     is_close = np.isfinite(distance).all(axis=1)
