@@ -15,6 +15,7 @@ from starlette.requests import HTTPConnection
 
 from app import api
 from app.access.access import Access
+from app.api.bench_choice import BenchChoice
 from app.api.emergency import EmergencyStop
 from app.api.guard import Guard, pass_of
 from app.api.login_page import login_routes
@@ -87,7 +88,13 @@ def create_app(
         building.enter_context(DeadMan(machine, lambda: traffic.seen_s, lambda names: _tell_dark(bus, names)))
         scene = Scene(view)
         served = Services(
-            bench_spec=settings.bench_spec,
+            choice=BenchChoice(
+                settings.bench_spec,
+                settings.folder / "bench.toml",
+                machine,
+                pictures,
+                lambda: _show_known(served, view),
+            ),
             bench=machine,
             runner=runner,
             library=library,
@@ -182,6 +189,11 @@ def _set_up(served: Services, view: CloudView) -> None:
         served.bench.connect()
     except DeviceError as error:
         _log.warning("%s. %s", error.message.rstrip("."), error.hint)
+    _show_known(served, view)
+
+
+def _show_known(served: Services, view: CloudView) -> None:
+    """Of a bench that is new, or has just been connected."""
     served.runner.bus.publish(BenchChanged())
     try:
         record = served.calibration()

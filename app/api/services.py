@@ -8,6 +8,7 @@ from fastapi import Depends
 from starlette.requests import HTTPConnection
 
 from app.access.access import Access
+from app.api.bench_choice import BenchChoice
 from app.api.emergency import EmergencyStop
 from app.api.scene import Scene
 from app.calibration.record import CalibrationRecord
@@ -30,7 +31,7 @@ class Services:
     """Everything that outlives a request.
 
     Attributes:
-        bench_spec: what names the bench: a file, or `simulated`.
+        choice: which bench it is.
         on_scan: told when a scan begins, so that the 3D view makes room.
         on_scan_end: told when it has ended, however.
         calibrating: where to ask how a calibration goes.
@@ -38,7 +39,7 @@ class Services:
         on_profile: told each profile of a scan as it is computed.
     """
 
-    bench_spec: str
+    choice: BenchChoice
     bench: Bench
     runner: JobRunner
     library: Library
@@ -53,6 +54,11 @@ class Services:
     on_profile: Callable[[Profile], None]
     on_calibrated: Callable[[CalibrationRecord], None]
     on_scan_end: Callable[[], None]
+
+    @property
+    def bench_spec(self) -> str:
+        """What names the bench: a file, or `simulated`."""
+        return self.choice.spec
 
     def calibration(self) -> CalibrationRecord | None:
         """The one in use; on a simulated bench that has none yet, what a perfect one would find."""

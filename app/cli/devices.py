@@ -1,7 +1,7 @@
 """`turnscan devices`: what is plugged in, what it is, and a first bench file for it."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,16 +14,10 @@ from app.devices.bench_file import LaserChoice, draft_bench, write_bench_file
 from app.devices.camera_listing import FoundCamera, found_cameras
 from app.devices.identify import Identity, identify
 from app.devices.ports import SerialPort, serial_ports
+from app.devices.presets import LASERS
 from app.errors import BenchFileError, DeviceError, OutputError
 
 _AT_ONCE = 8
-# Outputs as each driver numbers them.
-_LASERS: Mapping[str, Sequence[LaserChoice]] = {
-    "fabscan": (LaserChoice("left", 1), LaserChoice("right", 0)),
-    "fabscan100": (LaserChoice("left", 1),),
-    "marlin": (LaserChoice("left", 11), LaserChoice("right", 6)),
-    "sardauscan": (LaserChoice("left", 0), LaserChoice("right", 1)),
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +170,7 @@ def _write(path: Path, boards: Sequence[_Board], cameras: Sequence[FoundCamera])
     if boards and boards[0].identity is not None:
         identity = boards[0].identity
         turntable = {"driver": identity.driver, "port": boards[0].port.stable_name, **identity.options}
-        lasers = _LASERS.get(identity.driver, ())
+        lasers = LASERS.get(identity.driver, ())
     camera: dict[str, object] = {"driver": "uvc", "device": usable[0].device if usable else 0}
     write_bench_file(path, draft_bench(turntable, camera, lasers))
     say([f"{path}: a first bench file. Look through it, then run `turnscan doctor --bench {path}`."])

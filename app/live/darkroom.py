@@ -52,6 +52,11 @@ class Darkroom:
         self.dark, self.search, self.meter = DarkReference(), Search(), Meter()
         self._sight: Sight | None = None
 
+    def look_through(self, camera: Camera) -> None:
+        """Another camera from now on."""
+        self._camera, self.dark = camera, DarkReference()
+        self.search.forget()
+
     def make(
         self,
         view: View,

@@ -85,6 +85,17 @@ class LivePictures:
         )
         return cls(bench.camera, known, lit=lambda: bench.snapshot().lasers_on)
 
+    def look_through(self, bench: Bench) -> None:
+        """Show another camera, and forget what was known of the scanner; viewers stay."""
+        fresh = type(self).of_bench(bench)
+        with self._changed:
+            self._camera, self._known = fresh._camera, fresh._known
+            self._darkroom.look_through(fresh._camera)
+            self._settings = replace(self._settings, laser=None, polygon=())
+            if self._feed is not None:
+                self._feed.stop()
+                self._begin()
+
     @property
     def settings(self) -> LiveSettings:
         return self._settings

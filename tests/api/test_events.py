@@ -13,7 +13,7 @@ from running_server import SOON_S, Running, running_server, wait_until
 from websockets.asyncio.client import ClientConnection, connect
 
 from app.devices.bench import Bench
-from app.devices.bench_file import simulated_description
+from app.devices.bench_file import read_bench_file, simulated_description
 from app.live.dead_man import DeadMan
 
 _BLOCKED = 60
@@ -215,3 +215,27 @@ def test_lasers_that_nobody_watches_go_off_and_those_that_are_watched_stay() -> 
         bench.switch("left", True)
         watch(lambda: time.monotonic() - 31.0, lambda: went_off == [("left",)])
         assert not bench.lasers_on
+
+
+def test_another_bench_is_chosen_while_the_server_runs(server: Running) -> None:
+    listed = _asked(server, "GET", "/devices")
+    assert {"ciclop", "fabscan", "atlas", "grbl", "marlin", "simulated"} <= {
+        p["name"] for p in listed["presets"]
+    }
+    assert listed["bench"] == "simulated"
+    missing = {"board": "horus", "port": "/etc/passwd", "camera": "simulated"}
+    assert "no port" in _asked(server, "POST", "/devices/choose", missing, 404)["title"]
+    by_hand = {"name": "By hand", "board": "manual", "camera": "simulated", "mirror": True}
+    by_hand |= {"lasers": [{"name": "only", "channel": 1, "colour": "green"}]}
+    chosen = _asked(server, "POST", "/devices/choose", by_hand)
+    assert (chosen["bench"]["name"], chosen["bench"]["lasers"]) == ("By hand", ["only"])
+    assert chosen["bench"]["camera"]["connected"]
+    spec = _asked(server, "GET", "/devices")["bench"]
+    assert read_bench_file(spec).camera.mirror
+    # The pictures are those of the new camera.
+    assert _asked(server, "POST", "/bench/try/camera")["ok"]
+    with httpx2.stream("GET", f"{server.http}/live/raw.mjpeg", timeout=SOON_S, trust_env=False) as answer:
+        assert next(answer.iter_bytes()).startswith(b"--turnscan")
+    back = _asked(server, "POST", "/devices/choose", {"board": "simulated", "camera": "simulated"})
+    assert back["bench"]["lasers"] == ["left", "right"]
+    assert back["problem"] == ""
