@@ -112,15 +112,6 @@ def later(server: Server) -> Iterator[None]:
     server.access.set_password(PASSWORD)
 
 
-@pytest.fixture
-def bare(tmp_path: Path) -> Iterator[TestClient]:
-    """A server in a folder without a password."""
-    description = simulated_description("horus", object="sphere", width=320, height=240, rate=10.0)
-    application = create_app(Settings(tmp_path, "simulated"), description)
-    with TestClient(application, base_url="http://localhost") as client:
-        yield client
-
-
 def _routes(server: Server) -> list[tuple[str, str]]:
     """Method and path of everything in the API."""
     described = server.application.openapi()["paths"]
@@ -365,7 +356,9 @@ def test_with_a_damaged_file_nobody_is_let_in_and_the_login_says_why(server: Ser
         assert client.get("/healthz").status_code == 200
 
 
-def test_without_a_password_this_machine_is_served_under_its_own_names_only(bare: TestClient) -> None:
+def test_without_a_password_this_machine_is_served_under_its_own_names_only(server: Server) -> None:
+    server.access.forget_password()
+    bare = TestClient(server.application, base_url="http://localhost")
     assert bare.get(f"{API}/access").json() == {"password_is_set": False, "is_let_in": True, "by": "open"}
     assert bare.get(f"{API}/scans").status_code == 200
     for headers in (
@@ -377,7 +370,7 @@ def test_without_a_password_this_machine_is_served_under_its_own_names_only(bare
         assert answer.status_code == 403, headers
         assert "own pages" in answer.json()["title"]
     for address, status in (("192.168.1.5", 403), ("fe80::1", 403), ("::ffff:10.0.0.1", 403), ("::1", 200)):
-        client = TestClient(bare.app, base_url="http://localhost", client=(address, 1))
+        client = TestClient(server.application, base_url="http://localhost", client=(address, 1))
         assert client.get(f"{API}/scans").status_code == status, address
     assert bare.post(f"{API}/access/login", json={"password": "anything"}).status_code == 409
     assert bare.post(f"{API}/access/tokens", json={"name": "script"}).status_code == 409
