@@ -9,7 +9,7 @@ from pydantic import BaseModel, Field, ValidationError
 from app.api.routes.jobs import JobOut, Name, shown
 from app.api.services import Served, Services
 from app.calibration.record import CalibrationRecord
-from app.errors import CalibrationFileError, OptionError
+from app.errors import CalibrationFileError, OptionError, ScanNotFound
 from app.jobs.estimate import ScanEstimate, estimate, refuse_without_room
 from app.jobs.export import ExportForm, export_work
 from app.jobs.recipes import ScanOrder, checkup_work, reconstruct_work, scan_work
@@ -239,12 +239,15 @@ def start_checkup(served: Served, wanted: CheckupIn) -> JobOut:
 
 @router.post("/{job_id}/retry")
 def retry_job(served: Served, job_id: str, wanted: RetryIn) -> JobOut:
-    """Go on with its scan, where that is unfinished; otherwise do the same again."""
+    """Go on with its scan, where that is unfinished, or with its cloud; otherwise do the same again."""
     job = served.runner.job(job_id)
     if not job.state.has_ended:
         raise OptionError(f"The job {job.title!r} has not ended.", "Resume it where it is paused.")
     if job.can_resume:
         return resume_scan(served, ResumeIn(scan=job.scan, accept_position=wanted.accept_position))
+    if job.kind == "scan" and _is_taken(served, job.scan):
+        computing = (_as(ScanIn, job.order) or ScanIn()).model_dump(include=set(ComputingIn.model_fields))
+        return start_reconstruction(served, ReconstructIn(scan=job.scan, calibration=OWN, **computing))
     start = _STARTS.get(job.kind)
     again = None if start is None else start(served, job.order)
     if again is None:
@@ -279,6 +282,15 @@ def _as(model: type[Order], order: Mapping[str, Any] | None) -> Order | None:
         return model.model_validate(order)
     except ValidationError:
         return None
+
+
+def _is_taken(served: Services, name: str) -> bool:
+    """Whether all pictures of a scan are there, but no cloud."""
+    try:
+        item = served.library.scan(name)
+    except ScanNotFound:
+        return False
+    return item.status == "finished" and not item.clouds
 
 
 def _plan(served: Services, wanted: ScanIn) -> ScanPlan:
