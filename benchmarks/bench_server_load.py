@@ -41,7 +41,7 @@ from app.viewer.page import viewer_page
 from app.viewer.proxy import SOCKET_OPTIONS
 from benchmarks.report import Row, at_most
 
-_TURN_S, _SHORT_TURN_S = 20.0, 5.0
+_TURN_S, _SHORT_TURN_S = 15.0, 4.0
 _SCANS = 10
 _SETTLED_SCANS = 3
 _OVERLAYS, _CLOUDS = 4, 2

@@ -11,6 +11,7 @@ from app.files import reason
 
 _TRIED_PORTS = 100
 _BACKLOG = 128
+_PATIENCE_MS = 60_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +74,10 @@ def listening(host: str, port: int) -> socket.socket:
         if family == socket.AF_INET6:
             # Whoever asks for all addresses means those of version 4, too.
             bound.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 0)
+        if hasattr(socket, "TCP_USER_TIMEOUT"):
+            # Those who connect have it from here: a client that reads nothing any more, or has vanished
+            # without a word, is let go of by the system.
+            bound.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _PATIENCE_MS)
         bound.bind((host, port))
         bound.listen(_BACKLOG)
     except OSError as error:

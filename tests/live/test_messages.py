@@ -2,6 +2,7 @@
 
 import json
 import struct
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from app.live.picture import JPEG, MESSAGE, LiveNumbers, LivePicture, NamedStrip
 from app.live.settings import Kind
 from app.vision.stripe import LaserStripe, Orientation
 
+_PAGE = Path(__file__).resolve().parents[2] / "docs" / "live.md"
 _NUMBERS = LiveNumbers(12, 3, 4.25, (0.5,) * 2 + (0.0,) * 62, 1500.0)
 
 
@@ -35,6 +37,16 @@ def test_the_body_begins_where_a_page_can_lay_an_array_of_numbers_over_it() -> N
         length = struct.unpack_from("<I", message, 4)[0]
         assert (8 + length) % 8 == 0
         assert json.loads(message[8 : 8 + length])["problem"] == problem
+
+
+def test_the_message_that_the_documentation_takes_apart_is_one() -> None:
+    example = _PAGE.read_text().split("A whole message")[1].split("```\n")[1]
+    head, facts, body = example.rstrip("\n").split("\n")
+    there = unpack(bytes.fromhex(head) + facts.encode() + bytes.fromhex(body))
+    (laser, orientation, pixels, flags), *others = there.stripes()
+    assert (laser, orientation, others) == ("left", "vertical", [])
+    assert pixels.tolist() == [[320.5, 100.0], [320.75, 101.0]]
+    assert flags.tolist() == [2, 1]
 
 
 @given(
