@@ -905,6 +905,66 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/devices": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List Devices
+         * @description Cameras and ports under names that last. No port is opened.
+         */
+        get: operations["list_devices_api_v1_devices_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/devices/choose": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Choose Bench
+         * @description Take another bench, while no job holds the one in use. The server's folder keeps it as bench.toml.
+         */
+        post: operations["choose_bench_api_v1_devices_choose_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/devices/identify": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Identify Board
+         * @description Listen to what is behind a port; takes some seconds. No laser is switched and no table moved.
+         */
+        post: operations["identify_board_api_v1_devices_identify_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/events/stream": {
         parameters: {
             query?: never;
@@ -1080,7 +1140,7 @@ export interface paths {
         put?: never;
         /**
          * Retry Job
-         * @description Go on with its scan, where that is unfinished; otherwise do the same again.
+         * @description Go on with its scan, where that is unfinished, or with its cloud; otherwise do the same again.
          */
         post: operations["retry_job_api_v1_jobs__job_id__retry_post"];
         delete?: never;
@@ -2434,6 +2494,73 @@ export interface components {
             [key: string]: unknown;
         };
         /**
+         * ChoiceIn
+         * @description A bench.
+         *
+         *     Attributes:
+         *         name: what people call it.
+         *         board: driver of the board.
+         *         port: where it is, as listed; none for one without.
+         *         baud: its rate where it is not the usual one.
+         *         camera: driver of the camera.
+         *         device: of a camera with the driver `uvc`, as listed; the address of one with `url`.
+         *         lasers: as usual for the board where none is named.
+         */
+        ChoiceIn: {
+            /** Baud */
+            baud?: number | null;
+            /**
+             * Board
+             * @enum {string}
+             */
+            board: "horus" | "fabscan" | "fabscan100" | "grbl" | "marlin" | "sardauscan" | "manual" | "simulated";
+            /**
+             * Camera
+             * @enum {string}
+             */
+            camera: "uvc" | "picamera" | "url" | "simulated";
+            /** Device */
+            device?: string | null;
+            /**
+             * Direction
+             * @default ccw
+             * @enum {string}
+             */
+            direction?: "ccw" | "cw";
+            /**
+             * Lasers
+             * @default []
+             */
+            lasers?: components["schemas"]["LaserIn"][];
+            /**
+             * Mirror
+             * @default false
+             */
+            mirror?: boolean;
+            /**
+             * Name
+             * @default bench
+             */
+            name?: string;
+            /** Port */
+            port?: string | null;
+            /**
+             * Rotation
+             * @default 0
+             * @enum {integer}
+             */
+            rotation?: 0 | 90 | 180 | 270;
+        };
+        /**
+         * ChosenOut
+         * @description The bench that is in use now; `problem` is why a device of it does not work yet, empty for nothing.
+         */
+        ChosenOut: {
+            bench: components["schemas"]["BenchOut"];
+            /** Problem */
+            problem: string;
+        };
+        /**
          * CirclesFacts
          * @description Counted in dots.
          */
@@ -2585,6 +2712,20 @@ export interface components {
             there: components["schemas"]["DistancesOut"];
         };
         /**
+         * DevicesOut
+         * @description What is there, and what can be chosen; `bench` names the bench in use.
+         */
+        DevicesOut: {
+            /** Bench */
+            bench: string;
+            /** Cameras */
+            cameras: components["schemas"]["FoundCameraOut"][];
+            /** Ports */
+            ports: components["schemas"]["PortOut"][];
+            /** Presets */
+            presets: components["schemas"]["PresetOut"][];
+        };
+        /**
          * DifferenceOut
          * @description A setting that is not the same; null where a scan does not have it.
          */
@@ -2700,12 +2841,50 @@ export interface components {
             pictures: number;
         };
         /**
+         * FoundCameraOut
+         * @description A camera; see `FoundCamera`.
+         */
+        FoundCameraOut: {
+            /** Device */
+            device: string;
+            /** Is Built In */
+            is_built_in: boolean;
+            /** Name */
+            name: string;
+            /** Path */
+            path: string;
+            /** Problem */
+            problem: string;
+            /** Serial Number */
+            serial_number: string;
+            /** Usb Id */
+            usb_id: string;
+        };
+        /**
          * FreedOut
          * @description What erasing something gave back.
          */
         FreedOut: {
             /** Freed Bytes */
             freed_bytes: number;
+        };
+        /**
+         * IdentityOut
+         * @description What is behind a port; `board` is empty where it is none that is known here.
+         */
+        IdentityOut: {
+            /** Baud */
+            baud: number;
+            /** Board */
+            board: string;
+            /** Firmware */
+            firmware: string;
+            /** Notes */
+            notes: string[];
+            /** Options */
+            options: {
+                [key: string]: unknown;
+            };
         };
         /**
          * ImportedOut
@@ -2821,6 +3000,22 @@ export interface components {
          * @enum {string}
          */
         JobState: "queued" | "running" | "paused" | "done" | "failed" | "cancelled";
+        /**
+         * LaserIn
+         * @description A laser at an output of the board.
+         */
+        LaserIn: {
+            /** Channel */
+            channel: number;
+            /**
+             * Colour
+             * @default red
+             * @enum {string}
+             */
+            colour?: "red" | "green" | "blue" | "any";
+            /** Name */
+            name: string;
+        };
         /**
          * Line
          * @description A line in the board's own language.
@@ -3051,6 +3246,56 @@ export interface components {
              * @enum {string}
              */
             type: "points-added";
+        };
+        /**
+         * PortIn
+         * @description A port, by its lasting name or its path, as listed.
+         */
+        PortIn: {
+            /** Port */
+            port: string;
+        };
+        /**
+         * PortOut
+         * @description A port that may have a board; see `SerialPort`. `in_use` is the one of the bench.
+         */
+        PortOut: {
+            /** Description */
+            description: string;
+            /** In Use */
+            in_use: boolean;
+            /** Name */
+            name: string;
+            /** Path */
+            path: string;
+            /** Problem */
+            problem: string;
+            /** Serial Number */
+            serial_number: string;
+            /** Usb Id */
+            usb_id: string;
+        };
+        /**
+         * PresetOut
+         * @description A kind of scanner; see `Preset`.
+         */
+        PresetOut: {
+            /**
+             * Board
+             * @enum {string}
+             */
+            board: "horus" | "fabscan" | "fabscan100" | "grbl" | "marlin" | "sardauscan" | "manual" | "simulated";
+            /**
+             * Camera
+             * @enum {string}
+             */
+            camera: "uvc" | "picamera" | "url" | "simulated";
+            /** Name */
+            name: string;
+            /** Note */
+            note: string;
+            /** Title */
+            title: string;
         };
         /**
          * Problem
@@ -3687,6 +3932,8 @@ export type CameraOut = components['schemas']['CameraOut'];
 export type CharucoFacts = components['schemas']['CharucoFacts'];
 export type CheckupIn = components['schemas']['CheckupIn'];
 export type ChessboardFacts = components['schemas']['ChessboardFacts'];
+export type ChoiceIn = components['schemas']['ChoiceIn'];
+export type ChosenOut = components['schemas']['ChosenOut'];
 export type CirclesFacts = components['schemas']['CirclesFacts'];
 export type CloudOut = components['schemas']['CloudOut'];
 export type ControlName = components['schemas']['ControlName'];
@@ -3695,6 +3942,7 @@ export type ControlsIn = components['schemas']['ControlsIn'];
 export type CountersOut = components['schemas']['CountersOut'];
 export type Cylinder = components['schemas']['Cylinder'];
 export type DeviationOut = components['schemas']['DeviationOut'];
+export type DevicesOut = components['schemas']['DevicesOut'];
 export type DifferenceOut = components['schemas']['DifferenceOut'];
 export type DistancesOut = components['schemas']['DistancesOut'];
 export type ErasedOut = components['schemas']['ErasedOut'];
@@ -3703,13 +3951,16 @@ export type ExportForm = components['schemas']['ExportForm'];
 export type ExportIn = components['schemas']['ExportIn'];
 export type ExposureIn = components['schemas']['ExposureIn'];
 export type ExposureOut = components['schemas']['ExposureOut'];
+export type FoundCameraOut = components['schemas']['FoundCameraOut'];
 export type FreedOut = components['schemas']['FreedOut'];
+export type IdentityOut = components['schemas']['IdentityOut'];
 export type ImportedOut = components['schemas']['ImportedOut'];
 export type Instruction = components['schemas']['Instruction'];
 export type JobChangedOut = components['schemas']['JobChangedOut'];
 export type JobOut = components['schemas']['JobOut'];
 export type JobSaidOut = components['schemas']['JobSaidOut'];
 export type JobState = components['schemas']['JobState'];
+export type LaserIn = components['schemas']['LaserIn'];
 export type Line = components['schemas']['Line'];
 export type LiveIn = components['schemas']['LiveIn'];
 export type LiveOut = components['schemas']['LiveOut'];
@@ -3722,6 +3973,9 @@ export type PictureOut = components['schemas']['PictureOut'];
 export type PicturesOut = components['schemas']['PicturesOut'];
 export type PlaneChangeOut = components['schemas']['PlaneChangeOut'];
 export type PointsAddedOut = components['schemas']['PointsAddedOut'];
+export type PortIn = components['schemas']['PortIn'];
+export type PortOut = components['schemas']['PortOut'];
+export type PresetOut = components['schemas']['PresetOut'];
 export type Problem = components['schemas']['Problem'];
 export type ProblemOut = components['schemas']['ProblemOut'];
 export type ProofFindingOut = components['schemas']['ProofFindingOut'];
@@ -5686,6 +5940,128 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["ImportedOut"];
+                };
+            };
+        };
+    };
+    list_devices_api_v1_devices_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DevicesOut"];
+                };
+            };
+        };
+    };
+    choose_bench_api_v1_devices_choose_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["ChoiceIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ChosenOut"];
+                };
+            };
+        };
+    };
+    identify_board_api_v1_devices_identify_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PortIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["IdentityOut"];
                 };
             };
         };
