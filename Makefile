@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out
 
-.PHONY: run test check api bench clean
+.PHONY: run test check kernels api bench clean
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -20,8 +20,13 @@ check: $(STAMP)
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-test: check
-	$(BIN)/pytest -n auto --dist loadfile
+# Compiled once for all tests, on one core while the other checks.
+kernels: $(STAMP)
+	$(BIN)/python tests/compile_kernels.py
+
+test:
+	$(MAKE) -j2 check kernels
+	$(BIN)/pytest -n auto --dist worksteal
 
 # What the API offers, for programs and for the page's types. Run it after changing a route.
 api: $(STAMP) web/node_modules/.package-lock.json

@@ -75,4 +75,4 @@ def _wait(condition: threading.Condition, timeout: float | None = None) -> bool:
 
 _steady = SteadyTime()
 time.monotonic, time.sleep = _steady.monotonic, _steady.sleep  # type: ignore[assignment]
-threading.Condition.wait = _wait  # type: ignore[method-assign]
+threading.Condition.wait = _wait  # type: ignore[method-assign, assignment]
