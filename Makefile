@@ -4,32 +4,45 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out
 
-.PHONY: run test check kernels api bench clean
+.PHONY: run test check pages pages-check pages-test api bench clean
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast,mdns,dev]'
+	TURNSCAN_WITHOUT_PAGES=1 $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast,mdns,dev]'
 	touch $(STAMP)
 
-run: $(STAMP)
+run: $(STAMP) pages
 	$(BIN)/turnscan serve --bench simulated --folder $(OUT)
 
-check: $(STAMP)
+# The page that the server shows, where it is not up to date; without Node.js it says so and goes on.
+pages: $(STAMP)
+	$(BIN)/python hatch_build.py
+
+check: $(STAMP) pages-check
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Compiled once for all tests, on one core while the other checks.
-kernels: $(STAMP)
-	$(BIN)/python tests/compile_kernels.py
+ifneq ($(shell command -v npm),)
+MODULES := web/node_modules/.package-lock.json
 
-test:
-	$(MAKE) -j2 check kernels
-	$(BIN)/pytest -n auto --dist worksteal
+pages-check: $(MODULES)
+	cd web && npm run --silent check
+
+pages-test: $(MODULES)
+	cd web && npm run --silent test
+	@test -x /usr/bin/chromium || apt-get install -qq -y chromium < /dev/null > /dev/null 2>&1 || echo "No chromium: the page is not tested in a browser."
+else
+pages-check pages-test:
+	@echo "The page is not checked: npm is not here."
+endif
+
+test: check pages pages-test
+	$(BIN)/pytest -n auto --dist loadfile
 
 # What the API offers, for programs and for the page's types. Run it after changing a route.
-api: $(STAMP) web/node_modules/.package-lock.json
+api: $(STAMP) $(MODULES)
 	$(BIN)/python -m app.api.document web/openapi.json
 	cd web && npm run --silent types
 
@@ -41,4 +54,4 @@ bench: $(STAMP)
 	$(BIN)/python -m benchmarks
 
 clean:
-	rm -rf $(VENV) $(OUT) web/node_modules .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) $(OUT) web/node_modules app/_web .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

@@ -9,23 +9,20 @@ from contextlib import ExitStack, asynccontextmanager, closing
 from pathlib import Path
 
 from fastapi import FastAPI
-from fastapi.responses import FileResponse
-from fastapi.staticfiles import StaticFiles
 from starlette.requests import HTTPConnection
 
-from app import api
 from app.access.access import Access
 from app.api.bench_choice import BenchChoice
+from app.api.document import api_application
 from app.api.emergency import EmergencyStop
 from app.api.guard import Guard, pass_of
 from app.api.login_page import login_routes
 from app.api.metrics import LoopLag, ScannerMetrics, metrics_route
 from app.api.news import NewsDesk
-from app.api.problems import answer_problems
+from app.api.pages import page_routes
 from app.api.scene import Scene
 from app.api.services import Services
 from app.api.traffic import Traffic, TrafficCounted
-from app.api.versioned import API, versioned_routes
 from app.calibration.record import CalibrationRecord
 from app.calibration.store import CalibrationStore
 from app.devices.bench import Bench
@@ -52,8 +49,6 @@ from app.settings import Settings
 from app.viewer.cloud_view import CloudView
 from app.viewer.proxy import view_routes
 
-_START = Path(api.__file__).parent / "start"
-_POLICY = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'"
 _FIRST_ANSWERS_S = 0.1
 _log = logging.getLogger(__name__)
 
@@ -122,18 +117,12 @@ def create_app(
             yield
             measuring.cancel()
 
-    application = FastAPI(
-        title="Turnscan", version="1", lifespan=lifespan, docs_url=None, redoc_url=None,
-        openapi_url=f"{API}/openapi.json", description="A laser turntable scanner.",
-    )  # fmt: skip
+    application = api_application(lifespan)
     application.state.services = served
-    answer_problems(application)
-    application.include_router(versioned_routes())
     application.router.routes.extend(view_routes(view, _may_enter))
     metrics = ScannerMetrics(machine, runner, pictures, traffic, lag, lambda: view.viewers)
     application.router.routes.append(metrics_route(metrics))
-    application.mount("/start", StaticFiles(directory=_START))
-    application.add_api_route("/", _start_page, include_in_schema=False)
+    application.router.routes.extend(page_routes())
     application.add_middleware(TrafficCounted, traffic=traffic)
     application.router.routes.extend(login_routes())
     # Last, so that it comes before everything else.
@@ -147,10 +136,6 @@ def _bench(description: BenchDescription | ScannerError) -> Bench:
         return no_bench(description) if isinstance(description, ScannerError) else Bench.build(description)
     except (OptionError, BenchFileError) as error:
         return no_bench(error)
-
-
-def _start_page() -> FileResponse:
-    return FileResponse(_START / "index.html", headers={"Content-Security-Policy": _POLICY})
 
 
 def _make(folder: Path, machine: Bench) -> None:

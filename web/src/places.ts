@@ -1,0 +1,47 @@
+/** The five places, each fetched when it is first gone to. */
+import type { Component } from "svelte";
+import type { Key } from "./i18n/index.svelte";
+import type { PlaceName } from "./router.svelte";
+import type { IconName } from "./ui/icons";
+
+export interface Place {
+  name: PlaceName;
+  label: Key;
+  icon: IconName;
+  load: () => Promise<{ default: Component }>;
+}
+
+export const places: readonly Place[] = [
+  { name: "scan", label: "shell.scan", icon: "scan", load: () => import("./places/scan/ScanPlace.svelte") },
+  {
+    name: "adjust",
+    label: "shell.adjust",
+    icon: "adjust",
+    load: () => import("./places/adjust/AdjustPlace.svelte"),
+  },
+  {
+    name: "calibrate",
+    label: "shell.calibrate",
+    icon: "calibrate",
+    load: () => import("./places/calibrate/CalibratePlace.svelte"),
+  },
+  {
+    name: "library",
+    label: "shell.library",
+    icon: "library",
+    load: () => import("./places/library/LibraryPlace.svelte"),
+  },
+  {
+    name: "settings",
+    label: "shell.settings",
+    icon: "settings",
+    load: () => import("./places/settings/SettingsPlace.svelte"),
+  },
+];
+
+/** Where a job of a kind is looked after. */
+export function placeOfJob(kind: string): string {
+  if (kind === "checkup") return "/settings";
+  if (kind.startsWith("calibrat")) return "/calibrate";
+  return kind === "scan" || kind === "texture" ? "/scan" : "/library";
+}

@@ -1,0 +1,34 @@
+/** What is told wherever in the page one is: what the server wants said, and how jobs ended. */
+import { language, t } from "../i18n/index.svelte";
+import { announce, tell } from "../notices.svelte";
+import { preferences } from "../preferences.svelte";
+import { hasEnded } from "../state";
+import { onNews } from "../store.svelte";
+
+export function tellOfEnds(): () => void {
+  return onNews((news, before) => {
+    if (news.type === "notice") {
+      tell({ tone: "warning", sentence: news.text, hint: news.hint, isForeign: true });
+    }
+    if (news.type !== "job-changed" || !hasEnded(news.job)) return;
+    const known = before.jobs.find((each) => each.id === news.job.id);
+    if (!known || hasEnded(known)) return;
+    const { title, problem, state } = news.job;
+    if (state === "done") {
+      const sentence = t("shell.done", { title });
+      tell({ tone: "success", sentence });
+      announce(sentence);
+      notify(sentence);
+    } else if (problem) {
+      tell({ tone: "danger", sentence: problem.message, hint: problem.hint, isForeign: true });
+      notify(t("shell.failed", { title }));
+    }
+  });
+}
+
+/** Beside the page, where it is not looked at, the person wants it and the browser can. */
+function notify(sentence: string) {
+  if (!preferences.now.notify || document.visibilityState === "visible") return;
+  if (!("Notification" in window) || Notification.permission !== "granted") return;
+  new Notification("Turnscan", { body: sentence, icon: "/icons/icon-192.png", lang: language.now });
+}
