@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out
 
-.PHONY: run test check pages pages-check pages-test api bench clean
+.PHONY: run test check kernels pages pages-check pages-test api bench clean
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -38,8 +38,13 @@ pages-check pages-test:
 	@echo "The page is not checked: npm is not here."
 endif
 
-test: check pages pages-test
-	$(BIN)/pytest -n auto --dist loadfile
+# Compiled once for all tests, on one core while the other checks.
+kernels: $(STAMP)
+	$(BIN)/python tests/compile_kernels.py
+
+test: pages pages-test
+	$(MAKE) -j2 check kernels
+	$(BIN)/pytest -n auto --dist worksteal
 
 # What the API offers, for programs and for the page's types. Run it after changing a route.
 api: $(STAMP) $(MODULES)
