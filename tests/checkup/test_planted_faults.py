@@ -118,7 +118,7 @@ def test_a_late_camera_that_tells_its_times_is_named(tmp_path: Path) -> None:
 
     assert list(named(report)) == ["camera.latency"]
     # 8 ms of exposure, and 120 until it arrives.
-    assert measured(report, "camera.latency", "latency_ms") == pytest.approx(128.0, abs=5.0)
+    assert measured(report, "camera.latency", "latency_ms") == pytest.approx(128.0, abs=12.0)
 
 
 @pytest.mark.realtime
