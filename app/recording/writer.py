@@ -97,7 +97,11 @@ class RecordingWriter:
         header = header or _header_of(there.manifest)
         _manifest_of(header, there.entries, str(there.folder))
         make_folder(there.folder / FRAMES_FOLDER)
-        return cls(there.folder, header, there.entries, image_format, quality)
+        writer = cls(there.folder, header, there.entries, image_format, quality)
+        # Begun by a program that was killed; nobody else writes here now.
+        for begun in (there.folder / FRAMES_FOLDER).glob(".*.part"):
+            begun.unlink(missing_ok=True)
+        return writer
 
     def append(self, shot: Shot) -> FrameEntry:
         """Write one frame; it is on disk and noted when this returns.

@@ -115,6 +115,15 @@ def test_an_interrupted_block_keeps_its_frames(tmp_path: Path) -> None:
     assert Recording.open(tmp_path).is_interrupted
 
 
+def test_what_a_killed_program_had_begun_to_write_is_swept_away(tmp_path: Path) -> None:
+    writer = RecordingWriter.create(tmp_path, header())
+    writer.append(scan(0))
+    writer.suspend()
+    (tmp_path / "frames/.000001.png.x1y2.part").write_bytes(b"half")
+    RecordingWriter.resume(tmp_path).close()
+    assert [path.name for path in (tmp_path / "frames").iterdir()] == ["000000.png"]
+
+
 def test_discarding_takes_back_a_new_recording_and_its_folder(tmp_path: Path) -> None:
     writer = RecordingWriter.create(tmp_path / "rec", header())
     writer.append(scan(0))
