@@ -32,7 +32,7 @@ _SIZE = (1280, 720)
 _TIMES = 40
 
 
-class _ReadyCamera:
+class ReadyCamera:
     """Sends JPEG files that are there already, so that only the live pictures are measured."""
 
     def __init__(self, files: Sequence[bytes]) -> None:
@@ -66,7 +66,7 @@ class _ReadyCamera:
 
 
 def run() -> list[Row]:
-    files, rig, board = _pictures()
+    files, rig, board = ready_pictures()
     known = Known({"left": "red", "right": "red"}, rig, board=board)
     idle = _used(files, known, {})
     rows = [Row("the camera alone, nobody watching", 100.0 * idle[0], "% of one core")]
@@ -89,7 +89,7 @@ def run() -> list[Row]:
     return rows + _costs(files, known)
 
 
-def _pictures() -> tuple[list[bytes], Rig, BoardSpec]:
+def ready_pictures() -> tuple[list[bytes], Rig, BoardSpec]:
     """Files of a real-looking scene with the left laser on."""
     with Bench.build(simulated_description()) as bench:
         bench.connect()
@@ -106,7 +106,7 @@ def _used(
     files: Sequence[bytes], known: Known, viewers: Mapping[Kind, int], step: int = 1
 ) -> tuple[float, float, float]:
     """Share of one processor, pictures per second of the slowest viewer, and their median age in ms."""
-    camera = Camera(_ReadyCamera(files))
+    camera = Camera(ReadyCamera(files))
     camera.connect()
     live = LivePictures(camera, known, lit=lambda: ("left",), settings=LiveSettings(line_step=step))
     is_over = threading.Event()
@@ -143,7 +143,7 @@ def _used(
 
 def _costs(files: Sequence[bytes], known: Known) -> list[Row]:
     """Milliseconds of one processor per picture, decoding and all."""
-    camera = Camera(_ReadyCamera(files))
+    camera = Camera(ReadyCamera(files))
     camera.connect()
     with camera.stream() as stream:
         frames = list(itertools.islice(stream, _TIMES))
@@ -152,7 +152,7 @@ def _costs(files: Sequence[bytes], known: Known) -> list[Row]:
     for what, flavour in (
         ("raw, passed through", Flavour(Kind.RAW)),
         ("raw, 640 wide", Flavour(Kind.RAW, 640)),
-        ("overlay", Flavour(Kind.OVERLAY)),
+        ("overlay, whole", Flavour(Kind.OVERLAY, 1280)),
         ("overlay, 640 wide", Flavour(Kind.OVERLAY, 640)),
         ("mask as JPEG", Flavour(Kind.MASK)),
         ("mask as bits", Flavour(Kind.MASK, None, True)),

@@ -29,6 +29,7 @@ from websockets.typing import Subprotocol
 from app.api.services import Services
 from app.api.versioned import API
 from app.devices.bench_file import simulated_description
+from app.devices.camera import Camera
 from app.jobs.recipes import ScanOrder, scan_work
 from app.main import create_app
 from app.scanning.live import LivePoints
@@ -39,9 +40,11 @@ from app.settings import Settings
 from app.viewer.live_cloud import LiveCloud
 from app.viewer.page import viewer_page
 from app.viewer.proxy import SOCKET_OPTIONS
+from benchmarks.bench_live_pictures import ReadyCamera, ready_pictures
 from benchmarks.report import Row, at_most
 
 _TURN_S, _SHORT_TURN_S = 15.0, 4.0
+_QUIET_S, _WARM_S = 10.0, 2.0
 _SCANS = 10
 _SETTLED_SCANS = 3
 _OVERLAYS, _CLOUDS = 4, 2
@@ -83,6 +86,7 @@ class _Watch:
 def run() -> list[Row]:
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as folder, _served(Path(folder)) as (services, port):
+        rows = _streams(services, port)
         _scan(services, Path(folder) / "warm", _SHORT_TURN_S)
         alone = _scan(services, Path(folder) / "alone", _TURN_S)
         lost = _lost(services)
@@ -97,6 +101,7 @@ def run() -> list[Row]:
     late = statistics.quantiles(latencies, n=20)[-1]
     pictures = [count / people.seconds for count in people.pictures]
     return [
+        *rows,
         Row("pictures of the scan while watched", taken, "pictures", note=f"{len(alone.exposed_s)} alone"),
         at_most("frames lost while watched", frames_lost, "frames", 0.0, note),
         at_most("frame to 3D view, median", 1e3 * statistics.median(latencies), "ms", 200.0,
@@ -109,6 +114,39 @@ def run() -> list[Row]:
                 sizes[-1] - sizes[_SETTLED_SCANS - 1], "MB", 30.0,
                 f"{sizes[_SETTLED_SCANS - 1]:.0f} to {sizes[-1]:.0f} MB"),
     ]  # fmt: skip
+
+
+def _streams(services: Services, port: int) -> list[Row]:
+    """What the streams take where the camera's files are ready, so that none has to be simulated."""
+    files, rig, board = ready_pictures()
+    camera = Camera(ReadyCamera(files))
+    camera.connect()
+    live = services.live
+    former, known = live._camera, live.known
+    live._camera = live._darkroom._camera = camera
+    live.learn(rig=rig, board=board)
+    services.bench.switch("left", True)
+    try:
+        idle = _used(_QUIET_S)
+        with _looking(port) as people:
+            time.sleep(_WARM_S)
+            used = _used(_QUIET_S)
+    finally:
+        services.bench.switch("left", False)
+        live._camera = live._darkroom._camera = former
+        live.learn(rig=known.rig, board=known.board)
+        camera.disconnect()
+    fps = statistics.mean(people.pictures) / people.seconds
+    what = "a camera at 720p30 without a scan, the streams' share"
+    note = f"{fps:.1f} pictures/s for each of the overlay, load of the machine {os.getloadavg()[0]:.1f}"
+    return [at_most(what, 100.0 * (used - idle), "% of one core", 40.0, note)]
+
+
+def _used(seconds: float) -> float:
+    """Share of one processor that this process uses."""
+    began_s, cpu_s = time.monotonic(), time.process_time()
+    time.sleep(seconds)
+    return (time.process_time() - cpu_s) / (time.monotonic() - began_s)
 
 
 def _scan(services: Services, folder: Path, turn_s: float) -> _Watch:

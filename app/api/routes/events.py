@@ -15,6 +15,7 @@ router = APIRouter(prefix="/events", tags=["events"])
 _STREAM: dict[int | str, dict[str, Any]] = {
     200: {
         "model": AnyEventOut,
+        "content": {"text/event-stream": {"schema": {"type": "string"}}},
         "description": "A stream of events; the data of each is JSON of this form. `state` comes first.",
     }
 }

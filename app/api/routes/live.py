@@ -3,7 +3,7 @@
 import math
 from collections.abc import AsyncIterator
 from dataclasses import asdict
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Request, WebSocket
 from pydantic import BaseModel, Field
@@ -19,6 +19,12 @@ from app.scanning.region import Region
 router = APIRouter(prefix="/live", tags=["live"])
 _BOUNDARY = "turnscan"
 _TICK_S = 1.0
+_STREAM: dict[int | str, dict[str, Any]] = {
+    200: {
+        "description": "JPEG after JPEG.",
+        "content": {"multipart/x-mixed-replace": {"schema": {"type": "string", "format": "binary"}}},
+    }
+}
 Width = Annotated[int | None, Query(ge=16, le=8192)]
 
 
@@ -96,7 +102,7 @@ def change_settings(served: Served, wanted: LiveIn) -> LiveOut:
     return _shown(served.live)
 
 
-@router.get("/{kind}.mjpeg", response_class=PatientResponse)
+@router.get("/{kind}.mjpeg", response_class=PatientResponse, responses=_STREAM)
 async def stream_pictures(
     request: Request, served: Served, kind: Kind, width: Width = None
 ) -> PatientResponse:

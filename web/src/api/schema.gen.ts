@@ -6100,6 +6100,7 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["AnyEventOut"];
+                    "text/event-stream": string;
                 };
             };
         };
@@ -6789,12 +6790,14 @@ export interface operations {
                     "application/json": components["schemas"]["Problem"];
                 };
             };
-            /** @description Successful Response */
+            /** @description JPEG after JPEG. */
             200: {
                 headers: {
                     [name: string]: unknown;
                 };
-                content?: never;
+                content: {
+                    "multipart/x-mixed-replace": string;
+                };
             };
         };
     };
