@@ -62,17 +62,19 @@ class Services:
 
     def calibration(self) -> CalibrationRecord | None:
         """The one in use; on a simulated bench that has none yet, what a perfect one would find."""
+        world = self.bench.world
         try:
-            return self.calibrations.current()
+            record: CalibrationRecord | None = self.calibrations.current()
         except CalibrationFileError:
-            world = self.bench.world
-            if world is None:
-                return None
-            rig = world.rig
-            return CalibrationRecord(
-                camera=rig.camera, lasers=rig.lasers, axis=rig.axis, method="simulated",
-                source="the simulated bench",
-            )  # fmt: skip
+            record = None
+        is_whole = record is not None and record.lasers and record.axis is not None
+        if world is None or is_whole:
+            return record
+        rig = world.rig
+        return CalibrationRecord(
+            camera=rig.camera, lasers=rig.lasers, axis=rig.axis, method="simulated",
+            source="the simulated bench",
+        )  # fmt: skip
 
 
 async def _services(connection: HTTPConnection) -> Services:
