@@ -4,7 +4,7 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out
 
-.PHONY: run test check kernels pages pages-check pages-test api bench clean
+.PHONY: run test check kernels pages pages-check pages-test api bench docker-steps clean
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -54,6 +54,10 @@ api: $(STAMP) $(MODULES)
 web/node_modules/.package-lock.json: web/package-lock.json web/package.json
 	cd web && npm ci --no-audit --no-fund
 	touch $@
+
+# What the Dockerfile does, step by step and without Docker: fetches and installs everything.
+docker-steps: $(STAMP)
+	$(BIN)/python deploy/try_dockerfile.py
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks

@@ -12,7 +12,7 @@ from app.access.access import Access
 from app.cli.bench import BENCH_FILE, bench_description
 from app.cli.console import console, say, warn
 from app.devices.bench_file import BenchDescription
-from app.errors import BenchFileError, OptionError, OutputError, ScannerError
+from app.errors import BenchFileError, DeviceError, OptionError, OutputError, ScannerError
 from app.serving.addresses import Reach, listening, reachable_at
 from app.serving.welcome import local_lines, login_link, network_lines, password_lines, silent_lines
 from app.settings import Settings, read_service_manager, read_settings
@@ -115,7 +115,9 @@ def _run(
 
     def quieten() -> None:
         served.runner.close()
-        served.bench.make_safe()
+        # A board that is gone already was made safe when it was let go.
+        with contextlib.suppress(DeviceError):
+            served.bench.make_safe()
 
     with contextlib.ExitStack() as stack:
 

@@ -17,8 +17,8 @@ from app.serving.notify import Notifier
 # What is still being sent may take so long when the end comes.
 _FAREWELL_S = 2
 # When it has not ended by then it never will; the watchdog process puts lasers out if all else fails.
-_PATIENCE_S = 15.0
-_HURRY_S = 5.0
+_PATIENCE_S = 30.0
+_HURRY_S = 15.0
 _SIGNS_OF_LIFE = 3.0
 _log = logging.getLogger(__name__)
 
@@ -84,6 +84,8 @@ class Server(uvicorn.Server):
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         if self._pulse is not None:
             self._pulse.cancel()
+        # What is broken off now is no error.
+        logging.getLogger("uvicorn.error").setLevel(logging.CRITICAL)
         await super().shutdown(sockets)
         if self.force_exit:
             # A second signal makes uvicorn skip this, and the bench would be left as it is.
