@@ -247,7 +247,7 @@ def test_a_check_says_what_is_missing_and_what_to_do(tmp_path: Path) -> None:
 
 
 def _read_code(picture: Any) -> str:
-    return cv2.QRCodeDetector().detectAndDecode(picture)[0]
+    return str(cv2.QRCodeDetector().detectAndDecode(picture)[0])
 
 
 def _wait(is_so: Callable[[], bool], timeout_s: float) -> bool:
