@@ -4,7 +4,7 @@ import asyncio
 import logging
 import os
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import ExitStack, asynccontextmanager, closing
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from fastapi import FastAPI
 from starlette.requests import HTTPConnection
 
 from app.access.access import Access
+from app.api.about import About
 from app.api.bench_choice import BenchChoice
 from app.api.document import api_application
 from app.api.emergency import EmergencyStop
@@ -54,7 +55,10 @@ _log = logging.getLogger(__name__)
 
 
 def create_app(
-    settings: Settings, description: BenchDescription | ScannerError, access: Access | None = None
+    settings: Settings,
+    description: BenchDescription | ScannerError,
+    access: Access | None = None,
+    hosts: Callable[[], Sequence[str]] = tuple,
 ) -> FastAPI:
     """The application; devices are connected when it starts, and what is missing is said by `/bench`.
 
@@ -62,6 +66,7 @@ def create_app(
         settings: see there.
         description: of the bench, or why there is none.
         access: of the folder; opened here where nobody else needs it.
+        hosts: names and addresses at which other machines reach the server.
 
     Raises:
         AccessFileError: it is not clear who may use the server.
@@ -83,6 +88,7 @@ def create_app(
         building.enter_context(DeadMan(machine, lambda: traffic.seen_s, lambda names: _tell_dark(bus, names)))
         scene = Scene(view)
         served = Services(
+            about=About(str(settings.folder.resolve()), settings.is_local, hosts),
             choice=BenchChoice(
                 settings.bench_spec,
                 settings.folder / "bench.toml",

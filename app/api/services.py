@@ -8,6 +8,7 @@ from fastapi import Depends
 from starlette.requests import HTTPConnection
 
 from app.access.access import Access
+from app.api.about import About
 from app.api.bench_choice import BenchChoice
 from app.api.emergency import EmergencyStop
 from app.api.scene import Scene
@@ -31,6 +32,7 @@ class Services:
     """Everything that outlives a request.
 
     Attributes:
+        about: the server itself.
         choice: which bench it is.
         on_scan: told when a scan begins, so that the 3D view makes room.
         on_scan_end: told when it has ended, however.
@@ -39,6 +41,7 @@ class Services:
         on_profile: told each profile of a scan as it is computed.
     """
 
+    about: About
     choice: BenchChoice
     bench: Bench
     runner: JobRunner

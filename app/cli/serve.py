@@ -109,7 +109,7 @@ def _run(
     from app.serving.server import Server
     from app.viewer.proxy import SOCKET_OPTIONS
 
-    application = create_app(settings, description, access)
+    application = create_app(settings, description, access, lambda: _hosts(settings))
     served = application.state.services
     reach = _reach(settings, bound.getsockname()[1])
 
@@ -168,11 +168,14 @@ def _begun_log(settings: Settings) -> Callable[[], None]:
 
 
 def _reach(settings: Settings, port: int) -> Reach:
-    hosts = ["localhost"]
-    if not settings.is_local:
-        hosts = reachable_at(settings.host)
-        hosts += [f"{settings.name}.local"] if settings.mdns else []
-    return Reach("https" if settings.is_encrypted else "http", tuple(hosts or ["localhost"]), port)
+    return Reach("https" if settings.is_encrypted else "http", tuple(_hosts(settings) or ["localhost"]), port)
+
+
+def _hosts(settings: Settings) -> list[str]:
+    """Names and addresses for other machines."""
+    if settings.is_local:
+        return []
+    return [*reachable_at(settings.host), *([f"{settings.name}.local"] if settings.mdns else [])]
 
 
 def _certificate(settings: Settings) -> "Certificate | None":

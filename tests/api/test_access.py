@@ -89,7 +89,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     access = Access.open(folder, hashing=Hashing(memory_kib=64, passes=1), attempts=Attempts(clock))
     access.set_password(PASSWORD)
     description = simulated_description("horus", object="sphere", width=320, height=240, rate=10.0)
-    application = create_app(Settings(folder, "simulated"), description, access)
+    application = create_app(Settings(folder, "simulated"), description, access, lambda: ["127.0.0.1"])
     config = uvicorn.Config(
         application, port=0, log_level="warning", timeout_graceful_shutdown=5, **SOCKET_OPTIONS
     )
@@ -184,6 +184,24 @@ def test_a_session_is_kept_in_a_cookie_that_no_script_and_no_other_site_can_use(
     assert {"Secure", "HttpOnly", "Path=/"} <= set(answer.headers["set-cookie"].split("; "))
     assert "max-age" in answer.headers["strict-transport-security"]
     assert encrypted.get(f"{API}/access").json()["is_let_in"] is True
+
+
+def test_a_code_lets_one_phone_in_and_only_where_the_server_is(server: Server) -> None:
+    with server.somebody() as client, server.stranger() as phone:
+        about = client.get(f"{API}/server").json()
+        assert about["addresses"] == [server.url]
+        code = client.post(f"{API}/server/phone-code", json={}).json()
+        address, key = code["link"].split("/login#key=")
+        assert address == server.url
+        assert {len(row) for row in code["rows"]} == {len(code["rows"])}
+        assert phone.post(f"{API}/access/login", json={"key": key}).json()["by"] == "session"
+        assert phone.get(f"{API}/server").status_code == 200
+        assert phone.post(f"{API}/access/login", json={"key": key}).status_code == 401
+        elsewhere = client.post(f"{API}/server/phone-code", json={"address": "http://evil.example"})
+        assert (elsewhere.status_code, elsewhere.json()["hint"]) == (404, "Choose one that is listed.")
+        token = client.post(f"{API}/access/tokens", json={"name": "a program"}).json()["secret"]
+    with server.stranger(Authorization=f"Bearer {token}") as program:
+        assert program.post(f"{API}/server/phone-code", json={}).status_code == 403
 
 
 def test_what_is_wrong_at_the_login_is_told_in_plain_words(server: Server) -> None:
