@@ -107,6 +107,7 @@ def create_app(
             desk=NewsDesk(machine, runner, pictures, traffic, lambda: view.viewers),
             calibrating=CalibrationDesk(),
             on_calibrated=lambda record: _show_calibration(record, view, pictures),
+            on_boards=view.show_boards,
             on_scan=lambda: scene.begin(tuple(machine.lasers)),
             on_profile=scene.add,
             on_scan_end=scene.finish,

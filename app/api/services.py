@@ -16,6 +16,7 @@ from app.calibration.record import CalibrationRecord
 from app.calibration.store import CalibrationStore
 from app.devices.bench import Bench
 from app.errors import CalibrationFileError
+from app.jobs.calibrate_boards import ShowBoards
 from app.jobs.calibrate_desk import CalibrationDesk
 from app.jobs.runner import JobRunner
 from app.library.library import Library
@@ -38,6 +39,7 @@ class Services:
         on_scan_end: told when it has ended, however.
         calibrating: where to ask how a calibration goes.
         on_calibrated: told a calibration that is in use from now on.
+        on_boards: told where the board was in the views of a calibration.
         on_profile: told each profile of a scan as it is computed.
     """
 
@@ -56,6 +58,7 @@ class Services:
     on_scan: Callable[[], None]
     on_profile: Callable[[Profile], None]
     on_calibrated: Callable[[CalibrationRecord], None]
+    on_boards: ShowBoards
     on_scan_end: Callable[[], None]
 
     @property

@@ -19,10 +19,12 @@ from app.calibration.struck import Struck
 from app.devices.bench import Bench
 from app.errors import CalibrationFileError, OptionError, OutputError, PositionUnknown, ScannerError
 from app.files import reason
+from app.jobs.calibrate_boards import ShowBoards, boards_of
 from app.jobs.calibrate_order import ORDER_FILE, CalibrationOrder
 from app.jobs.calibrate_run import RECORDING_FOLDER, CalibrationRun
 from app.jobs.calibrate_solve import solve_captured, with_findings
 from app.jobs.calibrate_state import Kind, Step
+from app.jobs.calibrate_views import views_on_disk
 from app.jobs.runner import JobContext, Work
 from app.recording.reader import Recording
 from app.recording.shot import Role
@@ -43,6 +45,7 @@ def calibrate_work(
     run: CalibrationRun,
     store: CalibrationStore,
     on_calibrated: Callable[[CalibrationRecord], None],
+    on_boards: ShowBoards,
 ) -> Work:
     """Take what is not there yet, calibrate, and keep what comes of it.
 
@@ -51,6 +54,7 @@ def calibrate_work(
         run: what people see and wish.
         store: where the calibration is kept.
         on_calibrated: told a calibration that is in use from now on.
+        on_boards: then told where the board was.
     """
 
     def work(job: JobContext) -> Mapping[str, Any]:
@@ -64,7 +68,7 @@ def calibrate_work(
             )  # fmt: skip
             detector, plan = STRIPE_DETECTORS.make(order.detector), order.calibration_plan()
             outcome, proof = solve_captured(captured, detector, plan, run.solving)
-            return _kept(job, run, store, outcome, proof, on_calibrated)
+            return _kept(job, run, store, outcome, proof, on_calibrated, on_boards)
         finally:
             run.rest()
             if bench.world is not None:
@@ -177,6 +181,7 @@ def _kept(
     outcome: CalibrationOutcome,
     proof: Proof | None,
     on_calibrated: Callable[[CalibrationRecord], None],
+    on_boards: ShowBoards,
 ) -> Mapping[str, Any]:
     record = outcome.record
     is_whole = bool(record.lasers) and record.axis is not None
@@ -186,6 +191,7 @@ def _kept(
     replace(run.order, calibration=path.stem).save()
     if in_use:
         on_calibrated(CalibrationRecord.load(path))
+        on_boards(run.order.board, boards_of(run.order.board, views_on_disk(run.folder), record.camera))
     for sentence in (*outcome.notes, *outcome.doubts):
         job.say(sentence)
     run.solved(outcome)

@@ -115,7 +115,7 @@ def resume_calibration(served: Served, wanted: SessionIn) -> JobOut:
     return _begun(served, resumed)
 
 
-@router.get("/sessions")
+@router.get("/sessions", operation_id="list_calibration_sessions")
 def list_sessions(served: Served) -> list[SessionOut]:
     """Pictures of all calibrations that can be gone on with, newest first."""
     return [SessionOut.model_validate(each, from_attributes=True) for each in sessions(served.calibrations)]
@@ -128,7 +128,7 @@ def show_latest(served: Served) -> CalibrationState | None:
     return None if run is None else run.state
 
 
-@router.get("/{job_id}")
+@router.get("/{job_id}", operation_id="show_calibration_job")
 def show_calibration(served: Served, job_id: JobId) -> CalibrationState:
     """How it goes."""
     return served.calibrating.find(job_id).state
@@ -158,7 +158,7 @@ def restore_view(served: Served, job_id: JobId, number: ViewNumber) -> Calibrati
     return served.calibrating.find(job_id).strike(number, is_struck=False)
 
 
-@router.get("/{job_id}/views/{number}.jpg", response_class=Response)
+@router.get("/{job_id}/views/{number}.jpg", response_class=Response, operation_id="show_calibration_view")
 def show_view(served: Served, job_id: JobId, number: ViewNumber) -> Response:
     """A small picture of a view."""
     data = thumbnail(served.calibrating.find(job_id).folder, number)
@@ -177,7 +177,7 @@ def _begun(served: Services, order: CalibrationOrder) -> JobOut:
     order.save()
     run = CalibrationRun(order, bench.camera.facts.size, changed, hands)
     served.live.learn(board=order.board)
-    work = calibrate_work(bench, run, served.calibrations, served.on_calibrated)
+    work = calibrate_work(bench, run, served.calibrations, served.on_calibrated, served.on_boards)
     job = served.runner.submit("calibrate", _TITLES[order.kind], work, needs_bench=True)
     served.calibrating.add(job.id, run)
     return shown(job)
