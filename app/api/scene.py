@@ -5,8 +5,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Protocol
 
+import numpy as np
+
 from app.geometry.cloud import PointCloud
 from app.scanning.profile import Profile
+
+Corner = tuple[float, float, float]
+"""x, y, z in mm, table frame."""
+Box = tuple[Corner, Corner]
+"""Its lowest and its highest corner."""
 
 
 class Drawer(Protocol):
@@ -21,6 +28,9 @@ class Drawer(Protocol):
     def set_point_size(self, size_mm: float) -> None: ...
     def set_dark(self, is_dark: bool) -> None: ...
     def look(self, preset: str, tab: str | None = None) -> None: ...
+    def crop(self, low: Corner | None, high: Corner | None) -> None: ...
+    def measure_at(self, tab: str, across: float, down: float) -> tuple[Corner, ...]: ...
+    def forget_measure(self) -> None: ...
 
     @property
     def viewers(self) -> int: ...
@@ -38,6 +48,9 @@ class Shown:
         colour: what the colour of a point says.
         point_size_mm: as drawn.
         is_dark: for a dark page.
+        extent: the box around all finite points of the scan or cloud; none while there are none.
+        crop: the part that alone is shown; none where it is all.
+        measured: the ends of the distance that is drawn: none, one or two.
     """
 
     is_live: bool = False
@@ -47,6 +60,9 @@ class Shown:
     colour: str = "height"
     point_size_mm: float = 0.6
     is_dark: bool = True
+    extent: Box | None = None
+    crop: Box | None = None
+    measured: tuple[Corner, ...] = ()
 
 
 class Scene:
@@ -69,14 +85,18 @@ class Scene:
         """Make room for a scan."""
         with self._lock:
             self._drawer.begin(laser_names)
-            self._shown = replace(self._shown, is_live=True, scan="", cloud="", points=0)
+            self._shown = replace(self._emptied(), is_live=True)
 
     def add(self, profile: Profile) -> None:
         """Points of the scan that goes on; they do not disturb whoever looks at another."""
         with self._lock:
             if self._shown.is_live:
                 self._drawer.add(profile)
-                self._shown = replace(self._shown, points=self._shown.points + len(profile))
+                self._shown = replace(
+                    self._shown,
+                    points=self._shown.points + len(profile),
+                    extent=_around(self._shown.extent, profile.cloud),
+                )
 
     def finish(self) -> None:
         """The scan has ended."""
@@ -88,13 +108,42 @@ class Scene:
         """A cloud of a finished scan, instead of what is there."""
         with self._lock:
             self._drawer.show_cloud(cloud)
-            self._shown = replace(self._shown, is_live=False, scan=scan, cloud=name, points=len(cloud))
+            self._shown = replace(
+                self._emptied(), scan=scan, cloud=name, points=len(cloud), extent=_around(None, cloud)
+            )
 
     def clear(self) -> None:
         """An empty table."""
         with self._lock:
             self._drawer.clear()
-            self._shown = replace(self._shown, is_live=False, scan="", cloud="", points=0)
+            self._shown = self._emptied()
+
+    def crop(self, box: Box | None) -> None:
+        """Show what lies in a box alone, or everything again.
+
+        Raises:
+            OptionError: the box has no inside.
+        """
+        with self._lock:
+            self._drawer.crop(*(box or (None, None)))
+            self._shown = replace(self._shown, crop=box)
+
+    def measure_at(self, tab: str, across: float, down: float) -> None:
+        """Take the point that a page sees at a place, 0..1 from its upper left corner.
+
+        Raises:
+            OptionError: there is no point.
+        """
+        # It waits for the drawing, and a scan must not wait with it.
+        measured = self._drawer.measure_at(tab, across, down)
+        with self._lock:
+            self._shown = replace(self._shown, measured=measured)
+
+    def forget_measure(self) -> None:
+        """Take the measured distance away."""
+        with self._lock:
+            self._drawer.forget_measure()
+            self._shown = replace(self._shown, measured=())
 
     def look(self, preset: str, tab: str | None) -> None:
         """Move one page, or all, to where the scene is good to see.
@@ -120,3 +169,19 @@ class Scene:
         with self._lock:
             self._drawer.set_dark(is_dark)
             self._shown = replace(self._shown, is_dark=is_dark)
+
+    def _emptied(self) -> Shown:
+        """With nothing on the table, drawn as before."""
+        return replace(
+            self._shown, is_live=False, scan="", cloud="", points=0, extent=None, crop=None, measured=()
+        )
+
+
+def _around(extent: Box | None, cloud: PointCloud) -> Box | None:
+    points = cloud.points[np.isfinite(cloud.points).all(axis=1)]
+    if not len(points):
+        return extent
+    if extent is not None:
+        points = np.vstack([points, np.asarray(extent, np.float32)])
+    (x, y, z), (right, back, top) = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+    return (x, y, z), (right, back, top)

@@ -1,9 +1,11 @@
 """Points as viser's nodes, below the table so that they turn with it."""
 
 import numpy as np
+from numpy.typing import NDArray
 from viser import PointCloudHandle, ViserServer
 
 from app.viewer.colouring import Colouring
+from app.viewer.crop import CropBox
 from app.viewer.display import DisplayPoints
 from app.viewer.stage import TABLE
 
@@ -20,6 +22,7 @@ class ViserCloud:
     Attributes:
         colouring: of the points that are drawn from now on.
         size_mm: of a point; larger where points were left out.
+        crop: what alone is drawn from now on; everything where there is none.
     """
 
     def __init__(self, server: ViserServer) -> None:
@@ -29,10 +32,12 @@ class ViserCloud:
         self._newest: PointCloudHandle | None = None
         self.colouring = Colouring()
         self.size_mm = 0.6
+        self.crop: CropBox | None = None
 
     def draw(self, name: str, shown: DisplayPoints, cell_mm: float, *, is_exact: bool) -> None:
+        shown = self._within(shown)
         # Half floats are finer near the node's own origin.
-        origin = shown.points.mean(axis=0) if len(shown) else np.zeros(3, np.float32)
+        origin = _middle(shown)
         self._cells[name] = cell_mm
         self._handles[name] = self._server.scene.add_point_cloud(
             f"{SCAN}/{name}",
@@ -57,7 +62,8 @@ class ViserCloud:
 
     def highlight(self, shown: DisplayPoints) -> None:
         """Mark the points that came last."""
-        origin = shown.points.mean(axis=0)
+        shown = self._within(shown)
+        origin = _middle(shown)
         self._newest = self._server.scene.add_point_cloud(
             _NEWEST, shown.points - origin, _NEWEST_COLOUR, point_size=2.0 * self.size_mm,
             point_shape="circle", point_shading="flat", position=origin,
@@ -69,5 +75,13 @@ class ViserCloud:
             self._newest.remove()
             self._newest = None
 
+    def _within(self, shown: DisplayPoints) -> DisplayPoints:
+        return shown if self.crop is None else self.crop.of(shown)
+
     def _size(self, cell_mm: float) -> float:
         return max(self.size_mm, _SIZE_OF_CELL * cell_mm)
+
+
+def _middle(shown: DisplayPoints) -> NDArray[np.float32]:
+    middle: NDArray[np.float32] = shown.points.mean(axis=0) if len(shown) else np.zeros(3, np.float32)
+    return middle

@@ -4,12 +4,13 @@ import logging
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from types import TracebackType
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+from viser import ClientHandle
 
 from app.errors import OptionError
 from app.geometry.arrays import Points
@@ -19,9 +20,12 @@ from app.geometry.transform import RigidTransform
 from app.scanning.profile import Profile
 from app.viewer.chunks import BUDGET_POINTS
 from app.viewer.colouring import colour_mode
+from app.viewer.crop import Corner, CropBox
 from app.viewer.eyes import FAR_MM, FOV_RAD, NEAR_MM, place
 from app.viewer.live_cloud import LiveCloud
 from app.viewer.loopback import close_viser, open_viser, remote_port
+from app.viewer.picking import Ray
+from app.viewer.rotations import rotation_of
 from app.viewer.stage import Stage
 from app.vision.board import BoardSpec
 from app.vision.stripe import Image
@@ -33,6 +37,7 @@ _PULSE_S = 0.05
 _CLOUD_PERIOD_S = 0.2
 _PICTURE_PERIOD_S = 0.2
 _CLOSING_S = 10.0
+_PICKING_S = 20.0
 _log = logging.getLogger(__name__)
 
 
@@ -179,6 +184,60 @@ class CloudView:
         """Colours that suit a dark or a light page."""
         self._put(lambda: self._stage.set_dark(is_dark))
 
+    def crop(self, low: Corner | None, high: Corner | None) -> None:
+        """Show what lies in a box alone, until another cloud is shown.
+
+        Args:
+            low, high: its corners, mm in the table frame; none shows everything again.
+
+        Raises:
+            OptionError: the box has no inside.
+        """
+        box = None if low is None or high is None else CropBox(low, high)
+        self._put(lambda: self._cloud.crop(box))
+
+    def measure_at(self, tab: str, across: float, down: float) -> tuple[Corner, ...]:
+        """Take the point that one page sees at a place as the next end of the measured distance.
+
+        Waits until it is drawn; a third point begins anew.
+
+        Args:
+            tab: the name with which the page opened the view.
+            across, down: 0..1 from the upper left corner of the view.
+
+        Returns:
+            The points there are now, mm in the table frame: one or two.
+
+        Raises:
+            OptionError: no such page looks, or there is no point.
+        """
+        client = next(iter(self._clients_of(tab)), None)
+        if client is None or client.camera.image_height == 0:
+            raise OptionError("The 3D view of this page is not open.", "Wait until the cloud is seen.")
+        camera = client.camera
+        eye = RigidTransform(rotation_of(camera.wxyz), np.asarray(camera.position, np.float64))
+        fov_rad, aspect = camera.fov, camera.aspect
+        done, found = threading.Event(), list[Corner]()
+
+        def measure() -> None:
+            try:
+                ray = Ray.through(self._stage.table_from_world @ eye, fov_rad, aspect, across, down)
+                point = self._cloud.point_under(ray)
+                if point is not None:
+                    self._cloud.measure.take(point)
+                    found.extend((float(x), float(y), float(z)) for x, y, z in self._cloud.measure.points)
+            finally:
+                done.set()
+
+        self._put(measure)
+        if not done.wait(_PICKING_S) or not found:
+            raise OptionError("There is no point of the cloud.", "Press where the cloud is seen.")
+        return tuple(found)
+
+    def forget_measure(self) -> None:
+        """Take the measured distance away."""
+        self._put(self._cloud.measure.clear)
+
     def look(self, preset: str, tab: str | None = None) -> None:
         """Move viewers to a place from which the scene is good to see.
 
@@ -191,12 +250,10 @@ class CloudView:
         """
         stage = self._stage
         eye, target = place(preset, stage.table_radius_mm, stage.height_mm, stage.world_from_camera)
-        for client_id, client in self._server.get_clients().items():
-            port = remote_port(self._server, client_id)
-            if tab is None or (port is not None and self._tabs.get(port) == tab):
-                with client.atomic():
-                    client.camera.position = eye
-                    client.camera.look_at = target
+        for client in self._clients_of(tab):
+            with client.atomic():
+                client.camera.position = eye
+                client.camera.look_at = target
 
     def entered(self, port: int, tab: str) -> None:
         """A page that calls itself so talks to viser from that port."""
@@ -225,6 +282,13 @@ class CloudView:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _clients_of(self, tab: str | None) -> Iterator[ClientHandle]:
+        """The pages of that name; all where none is given."""
+        for client_id, client in self._server.get_clients().items():
+            port = remote_port(self._server, client_id)
+            if tab is None or (port is not None and self._tabs.get(port) == tab):
+                yield client
 
     def _put(self, item: Profile | Callable[[], None]) -> None:
         # Nobody takes anything out of it any more once the view is closed.

@@ -6,13 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 from viser import SceneNodeHandle, ViserServer
 
-from app.geometry.arrays import Points
+from app.geometry.arrays import Points, Vector3
 from app.geometry.cloud import PointCloud
 from app.scanning.profile import Profile
 from app.viewer.chunks import CloudChunks
 from app.viewer.cloud_nodes import ViserCloud
 from app.viewer.colouring import Colouring, ColourMode
+from app.viewer.crop import CropBox, CropLines
 from app.viewer.display import DisplayPoints
+from app.viewer.measure import Measure
+from app.viewer.picking import Ray, point_under
 from app.viewer.stage import TABLE
 
 _MESH = f"{TABLE}/mesh"
@@ -28,6 +31,9 @@ class LiveCloud:
     Args:
         server: draws it.
         budget: most points that are shown.
+
+    Attributes:
+        measure: the distance that is drawn into it.
     """
 
     def __init__(self, server: ViserServer, budget: int) -> None:
@@ -36,6 +42,8 @@ class LiveCloud:
         self._chunks = CloudChunks(self._nodes, budget)
         self._mesh: SceneNodeHandle | None = None
         self._laser_names: tuple[str, ...] = ()
+        self._box = CropLines(server)
+        self.measure = Measure(server)
 
     def __len__(self) -> int:
         """Points that are shown."""
@@ -99,6 +107,9 @@ class LiveCloud:
     def clear(self) -> None:
         with self._server.atomic():
             self._nodes.unmark()
+            self._nodes.crop = None
+            self._box.draw(None)
+            self.measure.clear()
             self._chunks.clear()
             if self._mesh is not None:
                 self._mesh.remove()
@@ -107,6 +118,20 @@ class LiveCloud:
     def colour_by(self, mode: ColourMode) -> None:
         if mode != self._nodes.colouring.mode:
             self._repaint(Colouring(mode, self._nodes.colouring.top_mm))
+
+    def crop(self, box: CropBox | None) -> None:
+        """Show what lies within the box alone; everything where there is none."""
+        self._nodes.crop = box
+        with self._server.atomic():
+            self._box.draw(box)
+            self._chunks.repaint()
+
+    def point_under(self, ray: Ray) -> Vector3 | None:
+        """The point that is seen there; none where only the ground is."""
+        shown = self._chunks.all_points()
+        if self._nodes.crop is not None:
+            shown = self._nodes.crop.of(shown)
+        return point_under(ray, shown.points)
 
     def resize(self, size_mm: float) -> None:
         with self._server.atomic():

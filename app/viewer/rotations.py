@@ -1,12 +1,14 @@
 """Rotation matrices as viser wants them."""
 
 import math
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.geometry.arrays import Matrix3
-from app.geometry.transform import rvec_from_rotation
+from app.geometry.transform import rvec_from_rotation, skew
 
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
@@ -19,6 +21,14 @@ def quaternion(rotation: Matrix3) -> Quaternion:
         return 1.0, 0.0, 0.0, 0.0
     x, y, z = (float(part) for part in rvec / angle * math.sin(angle / 2.0))
     return math.cos(angle / 2.0), x, y, z
+
+
+def rotation_of(wxyz: Sequence[float] | NDArray[np.floating]) -> Matrix3:
+    """The rotation matrix of w, x, y, z."""
+    w, x, y, z = (float(part) for part in wxyz)
+    across = skew(np.array([x, y, z]))
+    rotation: Matrix3 = np.eye(3) + 2.0 * w * across + 2.0 * across @ across
+    return rotation
 
 
 def turned(angle_rad: float) -> Quaternion:

@@ -17,7 +17,7 @@ from viser import (
 from app.geometry.rig import Rig
 from app.geometry.transform import RigidTransform
 from app.viewer.colouring import LASER_COLOURS
-from app.viewer.rotations import quaternion, turned
+from app.viewer.rotations import quaternion, rotation_of, turned
 from app.viewer.shapes import board_picture, circle, degree_numbers, degree_ticks, fan, sheet
 from app.vision.board import BoardSpec
 from app.vision.stripe import Image
@@ -63,6 +63,11 @@ class Stage:
 
     def turn(self, angle_rad: float) -> None:
         self._table.wxyz = turned(angle_rad)
+
+    @property
+    def table_from_world(self) -> RigidTransform:
+        """From where things stand to where they are on the table as it is turned."""
+        return RigidTransform(rotation_of(self._table.wxyz), np.zeros(3)).inverse()
 
     def show_rig(self, rig: Rig, lit: Collection[str]) -> None:
         """Draw the camera and the laser sheets of a calibration instead of those there were."""

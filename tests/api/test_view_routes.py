@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from fastapi.testclient import TestClient
 
-from app.api.scene import Scene
+from app.api.scene import Corner, Scene
 from app.api.versioned import API
 from app.devices.bench_file import simulated_description
 from app.errors import OptionError
@@ -88,6 +88,33 @@ class _Drawer:
     def set_dark(self, is_dark: bool) -> None: ...
 
     def look(self, preset: str, tab: str | None = None) -> None: ...
+
+    def crop(self, low: Corner | None, high: Corner | None) -> None: ...
+
+    def measure_at(self, tab: str, across: float, down: float) -> tuple[Corner, ...]:
+        return ((across, down, 0.0),)
+
+    def forget_measure(self) -> None: ...
+
+
+def test_a_part_is_shown_alone_until_another_cloud_is_shown(client: TestClient) -> None:
+    shown = client.post(f"{API}/view/show", json={"scan": NAME}).json()
+    assert shown["crop"] is None
+    np.testing.assert_allclose(shown["extent"]["low"], [-30.0, -30.0, 20.0], atol=0.01)
+    box = {"low": [-100.0, -100.0, 0.0], "high": [100.0, 100.0, 22.0]}
+    assert client.put(f"{API}/view/crop", json=box).json()["crop"] == box
+    assert client.put(f"{API}/view/crop", json=box | {"high": box["low"]}).status_code == 422
+    assert client.get(f"{API}/view").json()["crop"] == box
+    assert client.post(f"{API}/view/show", json={"scan": NAME}).json()["crop"] is None
+    client.put(f"{API}/view/crop", json=box)
+    assert client.delete(f"{API}/view/crop").json()["crop"] is None
+
+
+def test_nothing_is_measured_where_nobody_looks(client: TestClient) -> None:
+    place = {"tab": "nobody", "across": 0.5, "down": 0.5}
+    answer = client.post(f"{API}/view/measure", json=place)
+    assert (answer.status_code, answer.json()["hint"]) == (422, "Wait until the cloud is seen.")
+    assert client.delete(f"{API}/view/measure").json()["distance_mm"] is None
 
 
 def test_what_was_refused_is_not_remembered() -> None:

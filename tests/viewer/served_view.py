@@ -116,12 +116,15 @@ class Viewer:
     def send(self, kind: str, **fields: Any) -> None:
         self.socket.send(msgspec.msgpack.encode({"type": kind, **fields}))
 
-    def look(self) -> None:
+    def look(
+        self,
+        wxyz: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
+        position: Sequence[float] = (0.0, -400.0, 200.0),
+    ) -> None:
         """Say where the viewer stands, after which viser counts him."""
         self.send(
-            "ViewerCameraMessage", wxyz=(1.0, 0.0, 0.0, 0.0), position=(0.0, -400.0, 200.0), fov=0.7,
-            near=1.0, far=6000.0, image_height=600, image_width=800, look_at=(0.0, 0.0, 40.0),
-            up_direction=(0.0, 0.0, 1.0),
+            "ViewerCameraMessage", wxyz=wxyz, position=position, fov=0.7, near=1.0, far=6000.0,
+            image_height=600, image_width=800, look_at=(0.0, 0.0, 40.0), up_direction=(0.0, 0.0, 1.0),
         )  # fmt: skip
 
     def clouds(self) -> dict[str, NDArray[np.float64]]:

@@ -1,10 +1,12 @@
 """The 3D view: what it shows and how. The view itself is at `/view/`, or `/view/TAB/` for one page's own."""
 
+import math
 from typing import Annotated, Literal
 
 from fastapi import APIRouter
 from pydantic import BaseModel, Field
 
+from app.api.scene import Box
 from app.api.services import Served, Services
 from app.errors import NotThere, ScanBusy
 from app.jobs.job import JobState
@@ -13,7 +15,15 @@ from app.surface.ply_reader import read_ply
 router = APIRouter(prefix="/view", tags=["view"])
 Colour = Literal["texture", "height", "laser", "quality", "angle"]
 Preset = Literal["home", "top", "front", "back", "left", "right", "scanner", "camera"]
+Corner = tuple[float, float, float]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class BoxModel(BaseModel):
+    """A box along the table's axes, by two of its corners: x, y, z in mm."""
+
+    low: Corner
+    high: Corner
 
 
 class ViewOut(BaseModel):
@@ -27,6 +37,10 @@ class ViewOut(BaseModel):
     point_size_mm: float
     dark: bool
     viewers: int
+    extent: BoxModel | None
+    crop: BoxModel | None
+    measured: list[Corner]
+    distance_mm: float | None
 
 
 class ViewIn(BaseModel):
@@ -49,6 +63,14 @@ class LookIn(BaseModel):
 
     preset: Preset
     tab: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = None
+
+
+class MeasureIn(BaseModel):
+    """A place in a page's view, 0..1 from its upper left corner; `tab` is the page's own name of it."""
+
+    tab: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+    across: Annotated[float, Field(ge=0.0, le=1.0)]
+    down: Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 @router.get("")
@@ -98,6 +120,34 @@ def look_from(served: Served, wanted: LookIn) -> None:
     served.scene.look(wanted.preset, wanted.tab)
 
 
+@router.put("/crop")
+def crop_view(served: Served, box: BoxModel) -> ViewOut:
+    """Show what lies in a box alone; the cloud itself stays whole."""
+    served.scene.crop((box.low, box.high))
+    return _shown(served)
+
+
+@router.delete("/crop")
+def show_whole_cloud(served: Served) -> ViewOut:
+    """Show the whole cloud again."""
+    served.scene.crop(None)
+    return _shown(served)
+
+
+@router.post("/measure")
+def measure_in_view(served: Served, place: MeasureIn) -> ViewOut:
+    """Take the point that a page sees there; from the second on there is a distance, a third begins anew."""
+    served.scene.measure_at(place.tab, place.across, place.down)
+    return _shown(served)
+
+
+@router.delete("/measure")
+def forget_measure(served: Served) -> ViewOut:
+    """Take the measured distance away."""
+    served.scene.forget_measure()
+    return _shown(served)
+
+
 def _refuse_while_scanning(served: Services) -> None:
     busy = (JobState.RUNNING, JobState.PAUSED)
     if served.scene.shown.is_live and any(
@@ -115,6 +165,12 @@ def _shown(served: Services) -> ViewOut:
         {
             "live": shown.is_live, "scan": shown.scan, "cloud": shown.cloud, "points": shown.points,
             "colour": shown.colour, "point_size_mm": shown.point_size_mm, "dark": shown.is_dark,
-            "viewers": served.scene.viewers,
+            "viewers": served.scene.viewers, "extent": _boxed(shown.extent), "crop": _boxed(shown.crop),
+            "measured": shown.measured,
+            "distance_mm": math.dist(*shown.measured) if len(shown.measured) == 2 else None,
         }
     )  # fmt: skip
+
+
+def _boxed(box: Box | None) -> BoxModel | None:
+    return None if box is None else BoxModel(low=box[0], high=box[1])
