@@ -95,4 +95,4 @@ def test_a_stream_that_nobody_reads_to_its_end_lets_go_of_its_file(tmp_path: Pat
     (tmp_path / "a").write_bytes(bytes(1 << 20))
     pieces = iter(ZipStream(tmp_path, "mug"))
     next(pieces)
-    pieces.close()  # type: ignore[attr-defined]
+    pieces.close()
