@@ -552,7 +552,7 @@ export interface paths {
          * Show Calibration
          * @description How it goes.
          */
-        get: operations["show_calibration_api_v1_calibrate__job_id__get"];
+        get: operations["show_calibration_job"];
         put?: never;
         post?: never;
         delete?: never;
@@ -612,7 +612,7 @@ export interface paths {
          * Show View
          * @description A small picture of a view.
          */
-        get: operations["show_view_api_v1_calibrate__job_id__views__number__jpg_get"];
+        get: operations["show_calibration_view"];
         put?: never;
         post?: never;
         delete?: never;
@@ -712,7 +712,7 @@ export interface paths {
          * List Sessions
          * @description Pictures of all calibrations that can be gone on with, newest first.
          */
-        get: operations["list_sessions_api_v1_calibrate_sessions_get"];
+        get: operations["list_calibration_sessions"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1689,6 +1689,46 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/server": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Show Server
+         * @description Version, folder, and addresses for other machines.
+         */
+        get: operations["show_server_api_v1_server_get"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/server/phone-code": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Make Phone Code
+         * @description A code for a phone: it is logged in by it, once, within ten minutes.
+         */
+        post: operations["make_phone_code_api_v1_server_phone_code_post"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/view": {
         parameters: {
             query?: never;
@@ -1733,6 +1773,30 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/view/crop": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        /**
+         * Crop View
+         * @description Show what lies in a box alone; the cloud itself stays whole.
+         */
+        put: operations["crop_view_api_v1_view_crop_put"];
+        post?: never;
+        /**
+         * Show Whole Cloud
+         * @description Show the whole cloud again.
+         */
+        delete: operations["show_whole_cloud_api_v1_view_crop_delete"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/view/look": {
         parameters: {
             query?: never;
@@ -1748,6 +1812,30 @@ export interface paths {
          */
         post: operations["look_from_api_v1_view_look_post"];
         delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/view/measure": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Measure In View
+         * @description Take the point that a page sees there; from the second on there is a distance, a third begins anew.
+         */
+        post: operations["measure_in_view_api_v1_view_measure_post"];
+        /**
+         * Forget Measure
+         * @description Take the measured distance away.
+         */
+        delete: operations["forget_measure_api_v1_view_measure_delete"];
         options?: never;
         head?: never;
         patch?: never;
@@ -2177,6 +2265,24 @@ export interface components {
             ruler_mm: number;
         };
         /**
+         * BoxModel
+         * @description A box along the table's axes, by two of its corners: x, y, z in mm.
+         */
+        BoxModel: {
+            /** High */
+            high: [
+                number,
+                number,
+                number
+            ];
+            /** Low */
+            low: [
+                number,
+                number,
+                number
+            ];
+        };
+        /**
          * CalibrateIn
          * @description A calibration that is wanted.
          *
@@ -2604,6 +2710,34 @@ export interface components {
             points: number;
             /** Size Bytes */
             size_bytes: number;
+        };
+        /**
+         * CodeIn
+         * @description Where the phone shall go; the recommended address where none is named.
+         */
+        CodeIn: {
+            /**
+             * Address
+             * @default
+             */
+            address?: string;
+        };
+        /**
+         * CodeOut
+         * @description A link that logs in one browser, and the same as a QR code.
+         *
+         *     Attributes:
+         *         link: with the key behind `#`, which browsers send to no server.
+         *         rows: of the code, `1` where it is dark; without the margin of four that readers need.
+         *         lasts_s: for so many seconds.
+         */
+        CodeOut: {
+            /** Lasts S */
+            lasts_s: number;
+            /** Link */
+            link: string;
+            /** Rows */
+            rows: string[];
         };
         /**
          * ControlName
@@ -3132,6 +3266,18 @@ export interface components {
             tab?: string | null;
         };
         /**
+         * MeasureIn
+         * @description A place in a page's view, 0..1 from its upper left corner; `tab` is the page's own name of it.
+         */
+        MeasureIn: {
+            /** Across */
+            across: number;
+            /** Down */
+            down: number;
+            /** Tab */
+            tab: string;
+        };
+        /**
          * Move
          * @description Where to turn the table: to an angle as the board counts, or by so much; one of them.
          *
@@ -3590,6 +3736,31 @@ export interface components {
             title: string;
         };
         /**
+         * ServerOut
+         * @description What the server is.
+         *
+         *     Attributes:
+         *         addresses: for other machines, the one to recommend first; none where they cannot reach it.
+         *         is_local: whether it was started for this machine only.
+         *         folder: holds scans, calibrations and settings.
+         */
+        ServerOut: {
+            /** Addresses */
+            addresses: string[];
+            /** Folder */
+            folder: string;
+            /** Is Encrypted */
+            is_encrypted: boolean;
+            /** Is Local */
+            is_local: boolean;
+            /** Python */
+            python: string;
+            /** System */
+            system: string;
+            /** Version */
+            version: string;
+        };
+        /**
          * SessionIn
          * @description A calibration to go on with.
          *
@@ -3824,10 +3995,20 @@ export interface components {
              * @enum {string}
              */
             colour: "texture" | "height" | "laser" | "quality" | "angle";
+            crop: components["schemas"]["BoxModel"] | null;
             /** Dark */
             dark: boolean;
+            /** Distance Mm */
+            distance_mm: number | null;
+            extent: components["schemas"]["BoxModel"] | null;
             /** Live */
             live: boolean;
+            /** Measured */
+            measured: [
+                number,
+                number,
+                number
+            ][];
             /** Point Size Mm */
             point_size_mm: number;
             /** Points */
@@ -3923,6 +4104,7 @@ export type BenchChangedOut = components['schemas']['BenchChangedOut'];
 export type BenchOut = components['schemas']['BenchOut'];
 export type BinOut = components['schemas']['BinOut'];
 export type BoardOut = components['schemas']['BoardOut'];
+export type BoxModel = components['schemas']['BoxModel'];
 export type CalibrateIn = components['schemas']['CalibrateIn'];
 export type CalibrationChangedOut = components['schemas']['CalibrationChangedOut'];
 export type CalibrationDetailOut = components['schemas']['CalibrationDetailOut'];
@@ -3936,6 +4118,8 @@ export type ChoiceIn = components['schemas']['ChoiceIn'];
 export type ChosenOut = components['schemas']['ChosenOut'];
 export type CirclesFacts = components['schemas']['CirclesFacts'];
 export type CloudOut = components['schemas']['CloudOut'];
+export type CodeIn = components['schemas']['CodeIn'];
+export type CodeOut = components['schemas']['CodeOut'];
 export type ControlName = components['schemas']['ControlName'];
 export type ControlOut = components['schemas']['ControlOut'];
 export type ControlsIn = components['schemas']['ControlsIn'];
@@ -3966,6 +4150,7 @@ export type LiveIn = components['schemas']['LiveIn'];
 export type LiveOut = components['schemas']['LiveOut'];
 export type LoginIn = components['schemas']['LoginIn'];
 export type LookIn = components['schemas']['LookIn'];
+export type MeasureIn = components['schemas']['MeasureIn'];
 export type Move = components['schemas']['Move'];
 export type NoticeOut = components['schemas']['NoticeOut'];
 export type PasswordIn = components['schemas']['PasswordIn'];
@@ -3986,6 +4171,7 @@ export type RetryIn = components['schemas']['RetryIn'];
 export type Role = components['schemas']['Role'];
 export type ScanIn = components['schemas']['ScanIn'];
 export type ScanOut = components['schemas']['ScanOut'];
+export type ServerOut = components['schemas']['ServerOut'];
 export type SessionIn = components['schemas']['SessionIn'];
 export type ShowIn = components['schemas']['ShowIn'];
 export type Sight = components['schemas']['Sight'];
@@ -5179,7 +5365,7 @@ export interface operations {
             };
         };
     };
-    show_calibration_api_v1_calibrate__job_id__get: {
+    show_calibration_job: {
         parameters: {
             query?: never;
             header?: never;
@@ -5299,7 +5485,7 @@ export interface operations {
             };
         };
     };
-    show_view_api_v1_calibrate__job_id__views__number__jpg_get: {
+    show_calibration_view: {
         parameters: {
             query?: never;
             header?: never;
@@ -5500,7 +5686,7 @@ export interface operations {
             };
         };
     };
-    list_sessions_api_v1_calibrate_sessions_get: {
+    list_calibration_sessions: {
         parameters: {
             query?: never;
             header?: never;
@@ -7754,6 +7940,86 @@ export interface operations {
             };
         };
     };
+    show_server_api_v1_server_get: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ServerOut"];
+                };
+            };
+        };
+    };
+    make_phone_code_api_v1_server_phone_code_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["CodeIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CodeOut"];
+                };
+            };
+        };
+    };
     show_view_api_v1_view_get: {
         parameters: {
             query?: never;
@@ -7872,6 +8138,86 @@ export interface operations {
             };
         };
     };
+    crop_view_api_v1_view_crop_put: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["BoxModel"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ViewOut"];
+                };
+            };
+        };
+    };
+    show_whole_cloud_api_v1_view_crop_delete: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ViewOut"];
+                };
+            };
+        };
+    };
     look_from_api_v1_view_look_post: {
         parameters: {
             query?: never;
@@ -7909,6 +8255,86 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content?: never;
+            };
+        };
+    };
+    measure_in_view_api_v1_view_measure_post: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["MeasureIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ViewOut"];
+                };
+            };
+        };
+    };
+    forget_measure_api_v1_view_measure_delete: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ViewOut"];
+                };
             };
         };
     };

@@ -1,9 +1,9 @@
-/** The result that was seen: the order comes in its place. */
-const KEY = "turnscan.dismissed";
+/** The scan that this tab saw running: of it the result is shown, until another is wanted. */
+const KEY = "turnscan.watched";
 
 let job = $state(sessionStorage.getItem(KEY) ?? "");
 
-export const dismissed = {
+export const watched = {
   get job(): string {
     return job;
   },
