@@ -26,6 +26,14 @@ class Step(BaseModel):
         """
         raise NotImplementedError
 
+    def for_share(self, share: float) -> "Step":
+        """The step for a copy of the cloud with only this share of its points, evenly chosen, 0..1."""
+        return self
+
+    def says(self, cloud: PointCloud) -> str:
+        """What there is to tell of it, where it is applied to this cloud; mostly nothing."""
+        return ""
+
 
 STEPS: Registry[Step] = Registry("step", "app.surface.steps")
 

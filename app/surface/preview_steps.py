@@ -1,0 +1,70 @@
+"""What a list of steps would do, on a thinned copy, quickly enough for a page."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from app.geometry.cloud import PointCloud
+from app.surface.step import Step, document_of
+
+PREVIEW_POINTS = 150_000
+
+
+@dataclass(frozen=True, slots=True)
+class StepEffect:
+    """What one step of a preview did.
+
+    Attributes:
+        kind: of the step.
+        before, after: points of the copy.
+        taken: points that the step would take from the whole cloud, reckoned from the copy.
+        note: what the step had to say.
+    """
+
+    kind: str
+    before: int
+    after: int
+    taken: int
+    note: str
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class StepPreview:
+    """A cleaned copy.
+
+    Attributes:
+        cloud: what is left of the copy.
+        share: of the cloud's points that the copy began with, 0..1.
+        effects: one for each step.
+    """
+
+    cloud: PointCloud
+    share: float
+    effects: tuple[StepEffect, ...]
+
+
+def preview_steps(cloud: PointCloud, steps: Sequence[Step], most: int = PREVIEW_POINTS) -> StepPreview:
+    """Apply steps to an even choice of points.
+
+    What depends on how dense the points lie is adapted; steps that make new points (`thin`) take fewer from a
+    copy than from the whole.
+
+    Args:
+        most: points of the copy.
+
+    Raises:
+        SurfaceError: a step makes no sense for this cloud.
+    """
+    step = max(1, -(-len(cloud) // most))
+    copy = cloud.select(np.arange(0, len(cloud), step)) if step > 1 else cloud
+    share = len(copy) / len(cloud) if len(cloud) else 1.0
+    effects = []
+    for each in steps:
+        fitting = each.for_share(share)
+        note = fitting.says(copy)
+        left = fitting.apply(copy)
+        taken = round((len(copy) - len(left)) / share)
+        effects.append(StepEffect(document_of(each)["kind"], len(copy), len(left), taken, note))
+        copy = left
+    return StepPreview(copy, share, tuple(effects))
