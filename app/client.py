@@ -3,7 +3,8 @@
 from app.client import Turnscan
 
 with Turnscan("http://localhost:8000") as scanner:
-    scan = scanner.scan("A mug", steps=200, follow=print)
+    scanner.calibrate(lambda wish: input(wish["words"]))
+    scan = scanner.scan("A mug", steps=200)
     scanner.download(scan, "mug.ply")
 """
 
@@ -11,6 +12,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self, TypeAlias
@@ -20,9 +22,14 @@ import httpx2 as httpx
 
 Job: TypeAlias = Mapping[str, Any]
 """A job as `/api/v1/jobs/{id}` tells it: id, kind, title, state, done, total, result and more."""
+Event: TypeAlias = Mapping[str, Any]
+"""An event as `/api/v1/events` tells it; its `type` says which."""
+Wish: TypeAlias = Mapping[str, Any]
+"""What a calibration wants done: `words` for a person, `code` for a program, `problem` if asked once more."""
 
 _ENDED = frozenset({"done", "failed", "cancelled"})
-_LOOK_AGAIN_S = 0.5
+_TRY_AGAIN_S = 0.5
+_PIECE = 1 << 20
 _PATIENCE_S = 60.0
 
 
@@ -89,65 +96,101 @@ class Turnscan:
         job = self.run("jobs/scan", {"title": title, **options}, follow)
         return Path(str(job["result"]["folder"])).name
 
-    def calibrate(self, follow: Callable[[Job], None] | None = None, **options: Any) -> Mapping[str, Any]:
-        """Calibrate automatically, with the board on the table, and return what was found.
+    def calibrate(
+        self, answer: Callable[[Wish], object], follow: Callable[[Job], None] | None = None, **options: Any
+    ) -> Mapping[str, Any]:
+        """Calibrate, automatically unless `kind` says otherwise, and return what was found.
 
         Args:
-            follow: told how it goes, also what it waits for.
-            options: as `POST /jobs/calibrate` takes them.
+            answer: told each time what has to be done; the calibration goes on when it returns.
+            follow: told how it goes.
+            options: as `POST /calibrate` takes them.
         """
-        return dict(self.run("jobs/calibrate", options, follow)["result"])
+        job: Job = self.ask("POST", "calibrate", options)
+        path = f"calibrate/{quote(str(job['id']), safe='')}"
+
+        def followed(now: Job) -> None:
+            if follow is not None:
+                follow(now)
+            state = self.ask("GET", path) if now["waits_for"] else {}
+            if state.get("waits_for_person"):
+                answer(state["instruction"])
+                self.ask("POST", f"{path}/continue")
+
+        return dict(self._finish(job, followed)["result"])
 
     def reconstruct(self, scan: str, follow: Callable[[Job], None] | None = None, **options: Any) -> str:
         """Compute another cloud of a scan; return the name of its file."""
         return str(self.run("jobs/reconstruct", {"scan": scan, **options}, follow)["result"]["cloud"])
 
+    def download_calibration(self, to: str | Path, name: str = "current") -> Path:
+        """Fetch a calibration that is kept; the one in use where none is named."""
+        return self._fetch(f"calibrations/{quote(name, safe='')}/calibration.json", to)
+
+    def export(self, scan: str, to: str | Path, form: str = "ply", cloud: str = "") -> Path:
+        """Fetch a cloud in another form, such as `xyz`; the newest where none is named."""
+        job = self.run("jobs/export", {"scan": scan, "form": form, "cloud": cloud})
+        return self._fetch(f"jobs/{quote(str(job['id']), safe='')}/file", to)
+
     def download(self, scan: str, to: str | Path, what: str = "cloud.ply") -> Path:
-        """Fetch a scan's newest cloud, or `recording.zip`, into a file that is whole or not there."""
-        target = Path(to)
-        beside = target.with_name(f".{target.name}.part")
-        try:
-            with (
-                self._http.stream("GET", f"scans/{quote(scan, safe='')}/{what}") as answer,
-                beside.open("wb") as file,
-            ):
-                if answer.is_error:
-                    answer.read()
-                    raise _problem(answer)
-                for part in answer.iter_bytes():
-                    file.write(part)
-            beside.replace(target)
-        except httpx.HTTPError as error:
-            raise _silence(error) from error
-        finally:
-            beside.unlink(missing_ok=True)
-        return target
+        """Fetch the newest cloud, `recording.zip` or `clouds/NAME` into a file that is whole or not there."""
+        return self._fetch(f"scans/{quote(scan, safe='')}/{quote(what)}", to)
+
+    def upload(self, file: str | Path, title: str = "") -> str:
+        """Put a recording's zip file or a PLY file into the library; return its name there."""
+        source = Path(file)
+        with source.open("rb") as content:
+            try:
+                answer = self._http.post(
+                    "scans/upload",
+                    params={"title": title, "file": source.name},
+                    content=iter(partial(content.read, _PIECE), b""),
+                    headers={
+                        "Content-Type": "application/octet-stream",
+                        "Content-Length": str(source.stat().st_size),
+                    },
+                )
+            except httpx.HTTPError as error:
+                raise _silence(error) from error
+        if answer.is_error:
+            raise _problem(answer)
+        return str(answer.json()["name"])
 
     def run(self, path: str, order: Mapping[str, Any], follow: Callable[[Job], None] | None = None) -> Job:
         """Order a job and wait for its end."""
-        job: Job = self.ask("POST", path, order)
-        for snapshot in self.follow(str(job["id"])):
-            job = snapshot
-            if follow is not None:
-                follow(job)
-        if job["state"] != "done":
-            problem = job.get("problem") or {}
-            title = problem.get("message") or f"The job was {job['state']}."
-            raise ScannerProblem(
-                title, problem.get("hint", ""), f"turnscan:{problem.get('code', job['state'])}"
-            )
-        return job
+        return self._finish(self.ask("POST", path, order), follow)
 
     def follow(self, job_id: str) -> Iterator[Job]:
         """A job each time something about it changed, until it has ended."""
-        last: Job | None = None
-        while last is None or last["state"] not in _ENDED:
-            if last is not None:
-                time.sleep(_LOOK_AGAIN_S)
-            job: Job = self.ask("GET", f"jobs/{quote(job_id, safe='')}")
-            if job != last:
-                last = job
-                yield job
+        job: Job = self.ask("GET", f"jobs/{quote(job_id, safe='')}")
+        yield job
+        if job["state"] in _ENDED:
+            return
+        for event in self.events():
+            told: list[Job] = event["jobs"] if event["type"] == "state" else [event.get("job", {})]
+            for job in told:
+                if job.get("id") == job_id:
+                    yield job
+                    if job["state"] in _ENDED:
+                        return
+
+    def events(self) -> Iterator[Event]:
+        """What happens, as it happens: `state` first, and again when the server was away for a moment."""
+        ends_s = time.monotonic() + self._patience_s
+        while True:
+            try:
+                with self._http.stream("GET", "events/stream") as answer:
+                    if answer.is_error:
+                        answer.read()
+                        raise _problem(answer)
+                    for line in answer.iter_lines():
+                        ends_s = time.monotonic() + self._patience_s
+                        if line.startswith("data:"):
+                            yield json.loads(line.removeprefix("data:"))
+            except httpx.TransportError as error:
+                if time.monotonic() > ends_s:
+                    raise _silence(error) from error
+            time.sleep(_TRY_AGAIN_S)
 
     def ask(self, method: str, path: str, body: Mapping[str, Any] | None = None) -> Any:
         """One request below `/api/v1/`; what is answered, from JSON."""
@@ -161,10 +204,39 @@ class Turnscan:
                 may_repeat = method == "GET" or isinstance(error, httpx.ConnectError)
                 if not may_repeat or time.monotonic() > ends_s:
                     raise _silence(error) from error
-                time.sleep(_LOOK_AGAIN_S)
+                time.sleep(_TRY_AGAIN_S)
         if answer.is_error:
             raise _problem(answer)
         return json.loads(answer.content) if answer.content else None
+
+    def _finish(self, job: Job, follow: Callable[[Job], None] | None) -> Job:
+        for snapshot in self.follow(str(job["id"])):
+            job = snapshot
+            if follow is not None:
+                follow(job)
+        if job["state"] != "done":
+            problem = job.get("problem") or {}
+            title = problem.get("message") or f"The job was {job['state']}."
+            code = problem.get("code", job["state"])
+            raise ScannerProblem(title, problem.get("hint", ""), f"turnscan:{code}")
+        return job
+
+    def _fetch(self, path: str, to: str | Path) -> Path:
+        target = Path(to)
+        beside = target.with_name(f".{target.name}.part")
+        try:
+            with self._http.stream("GET", path) as answer, beside.open("wb") as file:
+                if answer.is_error:
+                    answer.read()
+                    raise _problem(answer)
+                for part in answer.iter_bytes():
+                    file.write(part)
+            beside.replace(target)
+        except httpx.HTTPError as error:
+            raise _silence(error) from error
+        finally:
+            beside.unlink(missing_ok=True)
+        return target
 
     def close(self) -> None:
         self._http.close()

@@ -2,12 +2,16 @@
 
 import json
 import sys
+import warnings
 from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
+from functools import cache
 from pathlib import Path
 
 from fastapi import FastAPI
+from pydantic.warnings import UnsupportedFieldAttributeWarning
 
+from app.api.described import TAGS, described
 from app.api.problems import answer_problems
 from app.api.versioned import API, versioned_routes
 
@@ -16,12 +20,18 @@ def api_application(
     lifespan: Callable[[FastAPI], AbstractAsyncContextManager[None]] | None = None,
 ) -> FastAPI:
     """All routes under their version; whoever serves them sets `state.services`."""
+    # FastAPI silences it itself, but in a way that threads undo for each other.
+    warnings.filterwarnings("ignore", category=UnsupportedFieldAttributeWarning)
     application = FastAPI(
         title="Turnscan", version="1", lifespan=lifespan, docs_url=None, redoc_url=None,
-        openapi_url=f"{API}/openapi.json", description="A laser turntable scanner.",
+        openapi_url=f"{API}/openapi.json", description="A laser turntable scanner.", openapi_tags=TAGS,
+        generate_unique_id_function=lambda route: route.name,
     )  # fmt: skip
     answer_problems(application)
     application.include_router(versioned_routes())
+    plain = application.openapi
+    # What programs are told of the API is what lies in the repository.
+    application.openapi = cache(lambda: described(plain()))  # type: ignore[method-assign]
     return application
 
 

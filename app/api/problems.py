@@ -17,6 +17,7 @@ from app.errors import (
     CalibrationError,
     CalibrationFileError,
     DeviceError,
+    DeviceRefused,
     ImportFailed,
     JobRuns,
     NoPassword,
@@ -46,6 +47,7 @@ _STATUS: tuple[tuple[type[ScannerError], HTTPStatus], ...] = (
     (TooLarge, HTTPStatus.REQUEST_ENTITY_TOO_LARGE),
     (ImportFailed, HTTPStatus.UNPROCESSABLE_ENTITY),
     (JobRuns, HTTPStatus.CONFLICT),
+    (DeviceRefused, HTTPStatus.CONFLICT),
     (DeviceError, HTTPStatus.SERVICE_UNAVAILABLE),
     (OutputError, HTTPStatus.INSUFFICIENT_STORAGE),
     (RecordingError, HTTPStatus.UNPROCESSABLE_ENTITY),
@@ -62,6 +64,13 @@ _STATUS: tuple[tuple[type[ScannerError], HTTPStatus], ...] = (
     (AccessFileError, HTTPStatus.SERVICE_UNAVAILABLE),
 )
 _MEDIA_TYPE = "application/problem+json"
+_LONGEST_PATH = 200
+_PLAIN_WORDS = {
+    HTTPStatus.BAD_REQUEST: ("The body of the request cannot be read.", "Send JSON, as UTF-8."),
+    HTTPStatus.NOT_FOUND: ("There is nothing at {path}.", "See the API's description, /api/v1/openapi.json."),
+    HTTPStatus.METHOD_NOT_ALLOWED: ("{path} knows no {method}.", "The header Allow says what it knows."),
+}
+"""What to say, and what to do about it, instead of the two words that the standard has."""
 
 
 class Problem(BaseModel):
@@ -95,7 +104,12 @@ def answer_problems(application: FastAPI) -> None:
 
     @application.exception_handler(HTTPException)
     def other(request: Request, error: HTTPException) -> JSONResponse:
-        return _answer("http", str(error.detail), HTTPStatus(error.status_code), "")
+        status = HTTPStatus(error.status_code)
+        title, hint = _PLAIN_WORDS.get(status, (str(error.detail), ""))
+        told = title.format(method=request.method, path=request.url.path[:_LONGEST_PATH])
+        answer = _answer(status.phrase.lower().replace(" ", "-"), told, status, hint)
+        answer.headers.update(error.headers or {})
+        return answer
 
     @application.exception_handler(Exception)
     def surprise(request: Request, error: Exception) -> JSONResponse:

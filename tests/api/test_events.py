@@ -156,7 +156,7 @@ def test_controls_are_read_back_kept_for_their_use_and_the_exposure_is_found(ser
     wanted = {"use": "texture", "values": {"exposure": 7000.0}}
     controls = {each["name"]: each for each in _asked(server, "PATCH", "/bench/camera/controls", wanted)}
     assert controls["exposure"]["value"] == controls["exposure"]["uses"]["texture"]
-    refused = _asked(server, "PATCH", "/bench/camera/controls", {"values": {"brightness": 1.0}}, 503)
+    refused = _asked(server, "PATCH", "/bench/camera/controls", {"values": {"brightness": 1.0}}, 409)
     assert "brightness" in refused["title"]
     found = _asked(server, "POST", "/bench/camera/find-exposure", {"laser": "left"})
     assert found["clipped"] < 0.02

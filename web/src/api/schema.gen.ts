@@ -12,10 +12,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Access
+         * Show access
          * @description Whether there is a password, and whether the caller is let in.
          */
-        get: operations["show_access_api_v1_access_get"];
+        get: operations["show_access"];
         put?: never;
         post?: never;
         delete?: never;
@@ -34,10 +34,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Log In
+         * Log in
          * @description Begin a session, which a cookie keeps for 30 days.
          */
-        post: operations["log_in_api_v1_access_login_post"];
+        post: operations["log_in"];
         delete?: never;
         options?: never;
         head?: never;
@@ -54,10 +54,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Log Out
+         * Log out
          * @description End the session of this browser.
          */
-        post: operations["log_out_api_v1_access_logout_post"];
+        post: operations["log_out"];
         delete?: never;
         options?: never;
         head?: never;
@@ -74,10 +74,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Change Password
+         * Change password
          * @description Set another password; every session ends, and this browser gets a new one.
          */
-        post: operations["change_password_api_v1_access_password_post"];
+        post: operations["change_password"];
         delete?: never;
         options?: never;
         head?: never;
@@ -92,10 +92,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * List Sessions
+         * List sessions
          * @description Browsers that are logged in, the newest first.
          */
-        get: operations["list_sessions_api_v1_access_sessions_get"];
+        get: operations["list_sessions"];
         put?: never;
         post?: never;
         delete?: never;
@@ -115,10 +115,10 @@ export interface paths {
         put?: never;
         post?: never;
         /**
-         * End Session
+         * End session
          * @description Log one out, wherever it is, and list the others.
          */
-        delete: operations["end_session_api_v1_access_sessions__session_id__delete"];
+        delete: operations["end_session"];
         options?: never;
         head?: never;
         patch?: never;
@@ -132,16 +132,16 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * List Tokens
+         * List tokens
          * @description Tokens of programs, by name.
          */
-        get: operations["list_tokens_api_v1_access_tokens_get"];
+        get: operations["list_tokens"];
         put?: never;
         /**
-         * Make Token
+         * Make token
          * @description A token for a program; its secret is shown in this answer only.
          */
-        post: operations["make_token_api_v1_access_tokens_post"];
+        post: operations["make_token"];
         delete?: never;
         options?: never;
         head?: never;
@@ -159,10 +159,10 @@ export interface paths {
         put?: never;
         post?: never;
         /**
-         * End Token
+         * End token
          * @description End one, and list the others.
          */
-        delete: operations["end_token_api_v1_access_tokens__token_id__delete"];
+        delete: operations["end_token"];
         options?: never;
         head?: never;
         patch?: never;
@@ -176,10 +176,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Bench
+         * Show bench
          * @description How the bench stands.
          */
-        get: operations["show_bench_api_v1_bench_get"];
+        get: operations["show_bench"];
         put?: never;
         post?: never;
         delete?: never;
@@ -196,20 +196,20 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Controls
+         * Show controls
          * @description Every control there may be, those that this camera lacks among them.
          */
-        get: operations["show_controls_api_v1_bench_camera_controls_get"];
+        get: operations["show_controls"];
         put?: never;
         post?: never;
         delete?: never;
         options?: never;
         head?: never;
         /**
-         * Change Controls
+         * Change controls
          * @description Set some, while no job holds the bench; answered as the camera has taken them.
          */
-        patch: operations["change_controls_api_v1_bench_camera_controls_patch"];
+        patch: operations["change_controls"];
         trace?: never;
     };
     "/api/v1/bench/camera/find-exposure": {
@@ -222,10 +222,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Find Laser Exposure
+         * Find laser exposure
          * @description Light a laser and look for the longest exposure that does not saturate its stripe.
          */
-        post: operations["find_laser_exposure_api_v1_bench_camera_find_exposure_post"];
+        post: operations["find_laser_exposure"];
         delete?: never;
         options?: never;
         head?: never;
@@ -242,10 +242,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Connect Bench
+         * Connect bench
          * @description Connect what is not connected.
          */
-        post: operations["connect_bench_api_v1_bench_connect_post"];
+        post: operations["connect_bench"];
         delete?: never;
         options?: never;
         head?: never;
@@ -262,12 +262,12 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Talk To Board
+         * Talk to board
          * @description Send one line as it is, and hear the answer; afterwards lasers are off and the table stands.
          *
          *     A board without lines of text says what it takes instead.
          */
-        post: operations["talk_to_board_api_v1_bench_console_post"];
+        post: operations["talk_to_board"];
         delete?: never;
         options?: never;
         head?: never;
@@ -284,10 +284,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Switch Laser
+         * Switch laser
          * @description Switch a laser while no job holds the bench. It goes off when nobody is there for 30 s.
          */
-        post: operations["switch_laser_api_v1_bench_lasers__name__post"];
+        post: operations["switch_laser"];
         delete?: never;
         options?: never;
         head?: never;
@@ -304,10 +304,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Hold Table
+         * Hold table
          * @description Hold the table with the motor's current, or let it go so that a hand can turn it.
          */
-        post: operations["hold_table_api_v1_bench_motor_post"];
+        post: operations["hold_table"];
         delete?: never;
         options?: never;
         head?: never;
@@ -322,16 +322,16 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Stage
+         * Show stage
          * @description What stands before the camera.
          */
-        get: operations["show_stage_api_v1_bench_simulated_stage_get"];
+        get: operations["show_stage"];
         put?: never;
         /**
-         * Set Stage
+         * Set stage
          * @description Put something there, at any time, also while a calibration waits for it.
          */
-        post: operations["set_stage_api_v1_bench_simulated_stage_post"];
+        post: operations["set_stage"];
         delete?: never;
         options?: never;
         head?: never;
@@ -348,13 +348,13 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Stop Bench
+         * Stop bench
          * @description Emergency stop: lasers off, table stopped, whoever holds the bench; its job is cancelled.
          *
          *     It waits for nothing and nobody: it works while other requests, a job or the camera hang. The events'
          *     WebSocket takes the text `stop` for the same.
          */
-        post: operations["stop_bench_api_v1_bench_stop_post"];
+        post: operations["stop_bench"];
         delete?: never;
         options?: never;
         head?: never;
@@ -371,10 +371,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Turn Table
+         * Turn table
          * @description Turn the table while no job holds the bench; answered when it stands still. Lasers stay as they are.
          */
-        post: operations["turn_table_api_v1_bench_table_post"];
+        post: operations["turn_table"];
         delete?: never;
         options?: never;
         head?: never;
@@ -391,10 +391,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Try Camera
+         * Try camera
          * @description Take a picture.
          */
-        post: operations["try_camera_api_v1_bench_try_camera_post"];
+        post: operations["try_camera"];
         delete?: never;
         options?: never;
         head?: never;
@@ -411,10 +411,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Try Lasers
+         * Try lasers
          * @description Light each laser for a moment, and see whether the camera sees its stripe.
          */
-        post: operations["try_lasers_api_v1_bench_try_lasers_post"];
+        post: operations["try_lasers"];
         delete?: never;
         options?: never;
         head?: never;
@@ -431,10 +431,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Try Table
+         * Try table
          * @description Turn the table by ten degrees and back.
          */
-        post: operations["try_table_api_v1_bench_try_table_post"];
+        post: operations["try_table"];
         delete?: never;
         options?: never;
         head?: never;
@@ -451,10 +451,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Zero Table
+         * Zero table
          * @description Say where the table stands; also after a move that nobody knows the end of.
          */
-        post: operations["zero_table_api_v1_bench_zero_post"];
+        post: operations["zero_table"];
         delete?: never;
         options?: never;
         head?: never;
@@ -469,10 +469,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Board
+         * Show board
          * @description The board that is used.
          */
-        get: operations["show_board_api_v1_boards_board_json_get"];
+        get: operations["show_board"];
         put?: never;
         post?: never;
         delete?: never;
@@ -489,10 +489,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Print Pdf
+         * Print pdf
          * @description A page to print at 100 %, with a ruler to check the printer by.
          */
-        get: operations["print_pdf_api_v1_boards_print_pdf_get"];
+        get: operations["print_pdf"];
         put?: never;
         post?: never;
         delete?: never;
@@ -509,10 +509,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Print Svg
+         * Print svg
          * @description The same as a picture, also to look at.
          */
-        get: operations["print_svg_api_v1_boards_print_svg_get"];
+        get: operations["print_svg"];
         put?: never;
         post?: never;
         delete?: never;
@@ -531,10 +531,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Start Calibration
+         * Start calibration
          * @description Begin one; follow it with its job's id.
          */
-        post: operations["start_calibration_api_v1_calibrate_post"];
+        post: operations["start_calibration"];
         delete?: never;
         options?: never;
         head?: never;
@@ -549,7 +549,7 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Calibration
+         * Show calibration job
          * @description How it goes.
          */
         get: operations["show_calibration_job"];
@@ -571,10 +571,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Continue Calibration
+         * Continue calibration
          * @description What was asked for is done; or the camera's views are enough.
          */
-        post: operations["continue_calibration_api_v1_calibrate__job_id__continue_post"];
+        post: operations["continue_calibration"];
         delete?: never;
         options?: never;
         head?: never;
@@ -591,10 +591,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Take View
+         * Take view
          * @description Take a view now, whatever it adds.
          */
-        post: operations["take_view_api_v1_calibrate__job_id__take_post"];
+        post: operations["take_view"];
         delete?: never;
         options?: never;
         head?: never;
@@ -609,7 +609,7 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show View
+         * Show calibration view
          * @description A small picture of a view.
          */
         get: operations["show_calibration_view"];
@@ -631,10 +631,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Restore View
+         * Restore view
          * @description Use a view after all.
          */
-        post: operations["restore_view_api_v1_calibrate__job_id__views__number__restore_post"];
+        post: operations["restore_view"];
         delete?: never;
         options?: never;
         head?: never;
@@ -651,10 +651,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Strike View
+         * Strike view
          * @description Leave a view out; it stays on disk.
          */
-        post: operations["strike_view_api_v1_calibrate__job_id__views__number__strike_post"];
+        post: operations["strike_view"];
         delete?: never;
         options?: never;
         head?: never;
@@ -669,10 +669,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Latest
+         * Show latest
          * @description The calibration that was begun last in this run of the server; null where there was none.
          */
-        get: operations["show_latest_api_v1_calibrate_latest_get"];
+        get: operations["show_latest"];
         put?: never;
         post?: never;
         delete?: never;
@@ -691,10 +691,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Resume Calibration
+         * Resume calibration
          * @description Go on with one that ended early, or do a step of it again; what was taken stays.
          */
-        post: operations["resume_calibration_api_v1_calibrate_resume_post"];
+        post: operations["resume_calibration"];
         delete?: never;
         options?: never;
         head?: never;
@@ -709,7 +709,7 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * List Sessions
+         * List calibration sessions
          * @description Pictures of all calibrations that can be gone on with, newest first.
          */
         get: operations["list_calibration_sessions"];
@@ -729,10 +729,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * List Calibrations
+         * List calibrations
          * @description All that are kept, or all in the bin, newest first.
          */
-        get: operations["list_calibrations_api_v1_calibrations_get"];
+        get: operations["list_calibrations"];
         put?: never;
         post?: never;
         delete?: never;
@@ -749,17 +749,17 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Calibration
+         * Show calibration
          * @description One, with its residuals, its proof and what it does not know; `current` is the one in use.
          */
-        get: operations["show_calibration_api_v1_calibrations__name__get"];
+        get: operations["show_calibration"];
         put?: never;
         post?: never;
         /**
-         * Remove Calibration
+         * Remove calibration
          * @description Put it into the bin, with its report; the answer names it there.
          */
-        delete: operations["remove_calibration_api_v1_calibrations__name__delete"];
+        delete: operations["remove_calibration"];
         options?: never;
         head?: never;
         patch?: never;
@@ -773,10 +773,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Download Calibration
+         * Download calibration
          * @description The whole file, for this program elsewhere.
          */
-        get: operations["download_calibration_api_v1_calibrations__name__calibration_json_get"];
+        get: operations["download_calibration"];
         put?: never;
         post?: never;
         delete?: never;
@@ -793,10 +793,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Download Opencv
+         * Download opencv
          * @description Camera, lasers and axis as OpenCV's YAML.
          */
-        get: operations["download_opencv_api_v1_calibrations__name__opencv_yml_get"];
+        get: operations["download_opencv"];
         put?: never;
         post?: never;
         delete?: never;
@@ -813,10 +813,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Report
+         * Show report
          * @description Residuals, coverage, stripes and wobble, as they were drawn when it was made.
          */
-        get: operations["show_report_api_v1_calibrations__name__report_html_get"];
+        get: operations["show_report"];
         put?: never;
         post?: never;
         delete?: never;
@@ -835,10 +835,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Use Calibration
+         * Use calibration
          * @description Use it from now on; one that is in the bin comes back.
          */
-        post: operations["use_calibration_api_v1_calibrations__name__use_post"];
+        post: operations["use_calibration"];
         delete?: never;
         options?: never;
         head?: never;
@@ -855,10 +855,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Restore Calibration
+         * Restore calibration
          * @description Take it back from the bin; the one in use stays.
          */
-        post: operations["restore_calibration_api_v1_calibrations_bin__name__restore_post"];
+        post: operations["restore_calibration"];
         delete?: never;
         options?: never;
         head?: never;
@@ -873,10 +873,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Compare Calibrations
+         * Compare calibrations
          * @description What the second has changed against the first, and what that means at the object.
          */
-        get: operations["compare_calibrations_api_v1_calibrations_compare_get"];
+        get: operations["compare_calibrations"];
         put?: never;
         post?: never;
         delete?: never;
@@ -895,10 +895,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Import Calibration
+         * Import calibration
          * @description Keep one of this program, of Horus or FabScanPi, or a camera of OpenCV; the file is the body.
          */
-        post: operations["import_calibration_api_v1_calibrations_import_post"];
+        post: operations["import_calibration"];
         delete?: never;
         options?: never;
         head?: never;
@@ -913,10 +913,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * List Devices
+         * List devices
          * @description Cameras and ports under names that last. No port is opened.
          */
-        get: operations["list_devices_api_v1_devices_get"];
+        get: operations["list_devices"];
         put?: never;
         post?: never;
         delete?: never;
@@ -935,10 +935,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Choose Bench
+         * Choose bench
          * @description Take another bench, while no job holds the one in use. The server's folder keeps it as bench.toml.
          */
-        post: operations["choose_bench_api_v1_devices_choose_post"];
+        post: operations["choose_bench"];
         delete?: never;
         options?: never;
         head?: never;
@@ -955,10 +955,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Identify Board
+         * Identify board
          * @description Listen to what is behind a port; takes some seconds. No laser is switched and no table moved.
          */
-        post: operations["identify_board_api_v1_devices_identify_post"];
+        post: operations["identify_board"];
         delete?: never;
         options?: never;
         head?: never;
@@ -973,10 +973,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Stream Events
+         * Stream events
          * @description The same as server-sent events; their ids grow.
          */
-        get: operations["stream_events_api_v1_events_stream_get"];
+        get: operations["stream_events"];
         put?: never;
         post?: never;
         delete?: never;
@@ -993,10 +993,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * List Jobs
+         * List jobs
          * @description The jobs of this run of the server and of earlier ones, newest first.
          */
-        get: operations["list_jobs_api_v1_jobs_get"];
+        get: operations["list_jobs"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1013,17 +1013,17 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Job
+         * Show job
          * @description One job.
          */
-        get: operations["show_job_api_v1_jobs__job_id__get"];
+        get: operations["show_job"];
         put?: never;
         post?: never;
         /**
-         * Delete Job
+         * Delete job
          * @description Take a job that has ended off the list; what it made stays.
          */
-        delete: operations["delete_job_api_v1_jobs__job_id__delete"];
+        delete: operations["delete_job"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1039,10 +1039,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Cancel Job
+         * Cancel job
          * @description End it; what it has made so far stays.
          */
-        post: operations["cancel_job_api_v1_jobs__job_id__cancel_post"];
+        post: operations["cancel_job"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1057,10 +1057,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Download File
+         * Download file
          * @description What an export job wrote.
          */
-        get: operations["download_file_api_v1_jobs__job_id__file_get"];
+        get: operations["download_file"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1077,10 +1077,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Log
+         * Show log
          * @description Its log, oldest line first.
          */
-        get: operations["show_log_api_v1_jobs__job_id__log_get"];
+        get: operations["show_log"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1099,10 +1099,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Pause Job
+         * Pause job
          * @description Let it rest, with the lasers off.
          */
-        post: operations["pause_job_api_v1_jobs__job_id__pause_post"];
+        post: operations["pause_job"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1119,10 +1119,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Resume Job
+         * Resume job
          * @description Let it go on.
          */
-        post: operations["resume_job_api_v1_jobs__job_id__resume_post"];
+        post: operations["resume_job"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1139,10 +1139,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Retry Job
+         * Retry job
          * @description Go on with its scan, where that is unfinished, or with its cloud; otherwise do the same again.
          */
-        post: operations["retry_job_api_v1_jobs__job_id__retry_post"];
+        post: operations["retry_job"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1159,10 +1159,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Start Checkup
+         * Start checkup
          * @description The doctor: measure what the bench really does.
          */
-        post: operations["start_checkup_api_v1_jobs_checkup_post"];
+        post: operations["start_checkup"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1179,10 +1179,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Start Export
+         * Start export
          * @description Write a cloud in another form; `GET /jobs/{id}/file` gives the file when it is done.
          */
-        post: operations["start_export_api_v1_jobs_export_post"];
+        post: operations["start_export"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1199,10 +1199,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Start Reconstruction
+         * Start reconstruction
          * @description Compute another cloud of a scan; those it has stay.
          */
-        post: operations["start_reconstruction_api_v1_jobs_reconstruct_post"];
+        post: operations["start_reconstruction"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1219,10 +1219,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Resume Scan
+         * Resume scan
          * @description Go on with a scan that ended early; its cloud is computed as was asked for at its beginning.
          */
-        post: operations["resume_scan_api_v1_jobs_resume_scan_post"];
+        post: operations["resume_scan"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1239,10 +1239,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Start Scan
+         * Start scan
          * @description Scan what stands on the table.
          */
-        post: operations["start_scan_api_v1_jobs_scan_post"];
+        post: operations["start_scan"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1259,10 +1259,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Estimate Scan
+         * Estimate scan
          * @description What such a scan would take; nothing is begun.
          */
-        post: operations["estimate_scan_api_v1_jobs_scan_estimate_post"];
+        post: operations["estimate_scan"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1279,10 +1279,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Start Texture
+         * Start texture
          * @description Turn the object once with the lasers off, and give the newest cloud of its scan the colours.
          */
-        post: operations["start_texture_api_v1_jobs_texture_post"];
+        post: operations["start_texture"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1297,10 +1297,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Stream Pictures
+         * Stream pictures
          * @description Pictures one after the other, for an `<img>`; the newest wins.
          */
-        get: operations["stream_pictures_api_v1_live__kind__mjpeg_get"];
+        get: operations["stream_pictures"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1317,20 +1317,20 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Settings
+         * Show settings
          * @description As they are.
          */
-        get: operations["show_settings_api_v1_live_settings_get"];
+        get: operations["show_settings"];
         put?: never;
         post?: never;
         delete?: never;
         options?: never;
         head?: never;
         /**
-         * Change Settings
+         * Change settings
          * @description Change threshold, channel, detector or what is shown, from the next picture on.
          */
-        patch: operations["change_settings_api_v1_live_settings_patch"];
+        patch: operations["change_settings"];
         trace?: never;
     };
     "/api/v1/scans": {
@@ -1341,10 +1341,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * List Scans
+         * List scans
          * @description All scans, newest first.
          */
-        get: operations["list_scans_api_v1_scans_get"];
+        get: operations["list_scans"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1364,7 +1364,7 @@ export interface paths {
          * Compare
          * @description What differs in settings, points and calibration, and how far the newest clouds lie apart.
          */
-        get: operations["compare_api_v1_scans__first__compare__second__get"];
+        get: operations["compare"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1381,24 +1381,24 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Scan
+         * Show scan
          * @description One scan.
          */
-        get: operations["show_scan_api_v1_scans__name__get"];
+        get: operations["show_scan"];
         put?: never;
         post?: never;
         /**
-         * Delete Scan
+         * Delete scan
          * @description Move it to the bin.
          */
-        delete: operations["delete_scan_api_v1_scans__name__delete"];
+        delete: operations["delete_scan"];
         options?: never;
         head?: never;
         /**
-         * Describe Scan
+         * Describe scan
          * @description Give it another title or note.
          */
-        patch: operations["describe_scan_api_v1_scans__name__patch"];
+        patch: operations["describe_scan"];
         trace?: never;
     };
     "/api/v1/scans/{name}/{document}.json": {
@@ -1409,10 +1409,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Document
+         * Show document
          * @description A file of the scan: what it was to do, the calibration it was taken with, the list of its pictures.
          */
-        get: operations["show_document_api_v1_scans__name___document__json_get"];
+        get: operations["show_document"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1429,10 +1429,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Download Newest Cloud
+         * Download newest cloud
          * @description Its newest cloud.
          */
-        get: operations["download_newest_cloud_api_v1_scans__name__cloud_ply_get"];
+        get: operations["download_newest_cloud"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1449,17 +1449,17 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Download Cloud
+         * Download cloud
          * @description One of its clouds, by its name without `clouds/`. As it is kept, it can be asked for in parts.
          */
-        get: operations["download_cloud_api_v1_scans__name__clouds__cloud__get"];
+        get: operations["download_cloud"];
         put?: never;
         post?: never;
         /**
-         * Erase Cloud
+         * Erase cloud
          * @description Erase one cloud for good; the others and the recording stay.
          */
-        delete: operations["erase_cloud_api_v1_scans__name__clouds__cloud__delete"];
+        delete: operations["erase_cloud"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1473,10 +1473,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Scan Log
+         * Show scan log
          * @description What was done with it, oldest line first; each begins with its time.
          */
-        get: operations["show_scan_log_api_v1_scans__name__log_get"];
+        get: operations["show_scan_log"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1493,10 +1493,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show How Cloud Was Made
+         * Show how cloud was made
          * @description Detector, options and calibration of a cloud, where they are known.
          */
-        get: operations["show_how_cloud_was_made_api_v1_scans__name__made__cloud__get"];
+        get: operations["show_how_cloud_was_made"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1513,10 +1513,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * List Pictures
+         * List pictures
          * @description The pictures of its recording in the order they were taken.
          */
-        get: operations["list_pictures_api_v1_scans__name__pictures_get"];
+        get: operations["list_pictures"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1533,10 +1533,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Picture
+         * Show picture
          * @description One picture as the camera gave it, or a smaller one.
          */
-        get: operations["show_picture_api_v1_scans__name__pictures__number__get"];
+        get: operations["show_picture"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1553,10 +1553,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Download Recording
+         * Download recording
          * @description The whole folder as a zip file, made as it is sent.
          */
-        get: operations["download_recording_api_v1_scans__name__recording_zip_get"];
+        get: operations["download_recording"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1573,10 +1573,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Thumbnail
+         * Show thumbnail
          * @description A picture of its newest cloud; without a cloud, the middle one of its pictures.
          */
-        get: operations["show_thumbnail_api_v1_scans__name__thumbnail_png_get"];
+        get: operations["show_thumbnail"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1593,17 +1593,17 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * List Bin
+         * List bin
          * @description What was thrown away, newest first.
          */
-        get: operations["list_bin_api_v1_scans_bin_get"];
+        get: operations["list_bin"];
         put?: never;
         post?: never;
         /**
-         * Empty Bin
+         * Empty bin
          * @description Erase all of it for good; nothing where that would free something else.
          */
-        delete: operations["empty_bin_api_v1_scans_bin_delete"];
+        delete: operations["empty_bin"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1620,10 +1620,10 @@ export interface paths {
         put?: never;
         post?: never;
         /**
-         * Erase Scan
+         * Erase scan
          * @description Erase one scan for good; not where that would free something else.
          */
-        delete: operations["erase_scan_api_v1_scans_bin__key__delete"];
+        delete: operations["erase_scan"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1639,10 +1639,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Restore Scan
+         * Restore scan
          * @description Take it back from the bin.
          */
-        post: operations["restore_scan_api_v1_scans_bin__key__restore_post"];
+        post: operations["restore_scan"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1657,10 +1657,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Space
+         * Show space
          * @description What is free, what the scans and the bin take, and how large an upload may be.
          */
-        get: operations["show_space_api_v1_scans_space_get"];
+        get: operations["show_space"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1679,10 +1679,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Upload Scan
+         * Upload scan
          * @description Take in a zip file of one scan, or a PLY file. Nothing of it stays unless all of it is in order.
          */
-        post: operations["upload_scan_api_v1_scans_upload_post"];
+        post: operations["upload_scan"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1697,10 +1697,10 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show Server
+         * Show server
          * @description Version, folder, and addresses for other machines.
          */
-        get: operations["show_server_api_v1_server_get"];
+        get: operations["show_server"];
         put?: never;
         post?: never;
         delete?: never;
@@ -1719,10 +1719,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Make Phone Code
+         * Make phone code
          * @description A code for a phone: it is logged in by it, once, within ten minutes.
          */
-        post: operations["make_phone_code_api_v1_server_phone_code_post"];
+        post: operations["make_phone_code"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1737,20 +1737,20 @@ export interface paths {
             cookie?: never;
         };
         /**
-         * Show View
+         * Show view
          * @description What is shown now.
          */
-        get: operations["show_view_api_v1_view_get"];
+        get: operations["show_view"];
         put?: never;
         post?: never;
         delete?: never;
         options?: never;
         head?: never;
         /**
-         * Change View
+         * Change view
          * @description Colours, size of points, dark or light.
          */
-        patch: operations["change_view_api_v1_view_patch"];
+        patch: operations["change_view"];
         trace?: never;
     };
     "/api/v1/view/clear": {
@@ -1763,10 +1763,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Clear View
+         * Clear view
          * @description Empty the table.
          */
-        post: operations["clear_view_api_v1_view_clear_post"];
+        post: operations["clear_view"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1782,16 +1782,16 @@ export interface paths {
         };
         get?: never;
         /**
-         * Crop View
+         * Crop view
          * @description Show what lies in a box alone; the cloud itself stays whole.
          */
-        put: operations["crop_view_api_v1_view_crop_put"];
+        put: operations["crop_view"];
         post?: never;
         /**
-         * Show Whole Cloud
+         * Show whole cloud
          * @description Show the whole cloud again.
          */
-        delete: operations["show_whole_cloud_api_v1_view_crop_delete"];
+        delete: operations["show_whole_cloud"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1807,10 +1807,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Look From
+         * Look from
          * @description Move one page, or all, to a place from which the scene is good to see.
          */
-        post: operations["look_from_api_v1_view_look_post"];
+        post: operations["look_from"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1827,15 +1827,15 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Measure In View
+         * Measure in view
          * @description Take the point that a page sees there; from the second on there is a distance, a third begins anew.
          */
-        post: operations["measure_in_view_api_v1_view_measure_post"];
+        post: operations["measure_in_view"];
         /**
-         * Forget Measure
+         * Forget measure
          * @description Take the measured distance away.
          */
-        delete: operations["forget_measure_api_v1_view_measure_delete"];
+        delete: operations["forget_measure"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1851,10 +1851,10 @@ export interface paths {
         get?: never;
         put?: never;
         /**
-         * Show Scan In View
+         * Show scan in view
          * @description Open a finished scan in the view.
          */
-        post: operations["show_scan_in_view_api_v1_view_show_post"];
+        post: operations["show_scan_in_view"];
         delete?: never;
         options?: never;
         head?: never;
@@ -1873,9 +1873,14 @@ export interface components {
          *         password_is_set: without one nobody logs in, and only this machine is served.
          *         is_let_in: whether everything else may be asked for.
          *         by: what lets in: that there is no password, a session or a token.
+         * @example {
+         *       "by": "session",
+         *       "is_let_in": true,
+         *       "password_is_set": true
+         *     }
          */
         AccessOut: {
-            by: components["schemas"]["app__access__access__Kind"] | null;
+            by: components["schemas"]["WayIn"] | null;
             /** Is Let In */
             is_let_in: boolean;
             /** Password Is Set */
@@ -1884,6 +1889,11 @@ export interface components {
         /**
          * AnswerOut
          * @description What the board said, line by line.
+         * @example {
+         *       "lines": [
+         *         "ok"
+         *       ]
+         *     }
          */
         AnswerOut: {
             /** Lines */
@@ -1892,233 +1902,29 @@ export interface components {
         /**
          * AnyEventOut
          * @description One event.
+         * @example {
+         *       "job": {
+         *         "can_resume": false,
+         *         "created": "2026-11-21T10:15:00Z",
+         *         "done": 120,
+         *         "ended": null,
+         *         "id": "20261121-101500-scan-1",
+         *         "kind": "scan",
+         *         "note": "",
+         *         "problem": null,
+         *         "result": {},
+         *         "scan": "a-mug",
+         *         "seconds": 41.2,
+         *         "seconds_left": 96,
+         *         "state": "running",
+         *         "title": "A mug",
+         *         "total": 400,
+         *         "waits_for": ""
+         *       },
+         *       "type": "job-changed"
+         *     }
          */
         AnyEventOut: components["schemas"]["CalibrationChangedOut"] | components["schemas"]["StateOut"] | components["schemas"]["JobChangedOut"] | components["schemas"]["JobSaidOut"] | components["schemas"]["PointsAddedOut"] | components["schemas"]["BenchChangedOut"] | components["schemas"]["NoticeOut"] | components["schemas"]["CountersOut"];
-        /**
-         * Kind
-         * @description By what somebody is let in.
-         * @enum {string}
-         */
-        app__access__access__Kind: "open" | "session" | "token";
-        /**
-         * LaserOut
-         * @description A laser of the bench.
-         */
-        app__api__bench_out__LaserOut: {
-            /** Channel */
-            channel: number;
-            /** Colour */
-            colour: string;
-            /** Name */
-            name: string;
-        };
-        /**
-         * CalibrationOut
-         * @description A calibration that is kept.
-         *
-         *     Attributes:
-         *         name: of it in the store: its date.
-         *         method: how it was found, or the program it comes from.
-         *         width, height: of the pictures it is for.
-         *         lasers: those whose planes it knows.
-         *         has_axis, has_table: whether it knows what the table turns about, and how high it is.
-         *         expected_error_mm: what it expects at the object.
-         *         level: of its proof.
-         *         is_current: whether it is in use.
-         *         problem: why it cannot be read; empty where it can.
-         *         missing: what a scan needs and it lacks: `lasers`, `axis`.
-         */
-        app__api__calibration_models__CalibrationOut: {
-            /** Created */
-            created?: string | null;
-            /** Expected Error Mm */
-            expected_error_mm?: number | null;
-            /**
-             * Has Axis
-             * @default false
-             */
-            has_axis?: boolean;
-            /**
-             * Has Table
-             * @default false
-             */
-            has_table?: boolean;
-            /**
-             * Height
-             * @default 0
-             */
-            height?: number;
-            /** Is Current */
-            is_current: boolean;
-            /**
-             * Lasers
-             * @default []
-             */
-            lasers?: string[];
-            /** Level */
-            level?: ("green" | "amber" | "red") | null;
-            /**
-             * Method
-             * @default
-             */
-            method?: string;
-            /**
-             * Missing
-             * @default []
-             */
-            missing?: string[];
-            /** Name */
-            name: string;
-            /**
-             * Problem
-             * @default
-             */
-            problem?: string;
-            /**
-             * Width
-             * @default 0
-             */
-            width?: number;
-        };
-        /**
-         * ComparisonOut
-         * @description What the second calibration has changed.
-         *
-         *     Attributes:
-         *         bent_mm: by how much a ball of 60 mm changes its shape, RMS.
-         *         expected_mm: how much of that the two calibrations' own uncertainty explains.
-         *         is_explained: whether it does; null where that is unknown.
-         *         only_first, only_second: lasers that the other does not know.
-         */
-        app__api__calibration_models__ComparisonOut: {
-            axis: components["schemas"]["AxisChangeOut"] | null;
-            /** Ball */
-            ball: components["schemas"]["BallChangeOut"][];
-            /** Bent Mm */
-            bent_mm: number | null;
-            camera: components["schemas"]["CameraChangeOut"];
-            /** Expected Mm */
-            expected_mm: number | null;
-            /** Is Explained */
-            is_explained: boolean | null;
-            /** Lasers */
-            lasers: components["schemas"]["PlaneChangeOut"][];
-            /** Only First */
-            only_first: string[];
-            /** Only Second */
-            only_second: string[];
-        };
-        /**
-         * LaserOut
-         * @description A laser's plane: normal . X = distance_mm, in the camera's frame.
-         */
-        app__api__calibration_models__LaserOut: {
-            /** Distance Mm */
-            distance_mm: number;
-            /** Name */
-            name: string;
-            /** Normal */
-            normal: number[];
-            /** Rms Mm */
-            rms_mm: number | null;
-        };
-        /**
-         * SessionOut
-         * @description A browser that is logged in.
-         *
-         *     Attributes:
-         *         browser: what it is, roughly.
-         *         is_this: whether it is the one that asks.
-         */
-        app__api__routes__access__SessionOut: {
-            /** Browser */
-            browser: string;
-            /**
-             * Created
-             * Format: date-time
-             */
-            created: string;
-            /**
-             * Expires
-             * Format: date-time
-             */
-            expires: string;
-            /** Id */
-            id: string;
-            /** Is This */
-            is_this: boolean;
-            /**
-             * Last Seen
-             * Format: date-time
-             */
-            last_seen: string;
-        };
-        /**
-         * SessionOut
-         * @description Pictures of a calibration; see `SessionFacts`.
-         */
-        app__api__routes__calibrate__SessionOut: {
-            /** Calibration */
-            calibration: string;
-            /**
-             * Created
-             * Format: date-time
-             */
-            created: string;
-            kind: components["schemas"]["app__jobs__calibrate_state__Kind"] | null;
-            /** Name */
-            name: string;
-            /** Pictures */
-            pictures: number;
-            /** Problem */
-            problem: string;
-        };
-        /**
-         * ComparisonOut
-         * @description Two scans; see `ScanComparison`. `calibration` is as `turnscan calibrations compare --json` has it.
-         */
-        app__api__routes__scan_compare__ComparisonOut: {
-            /** Calibration */
-            calibration: {
-                [key: string]: unknown;
-            } | null;
-            /** Calibration Note */
-            calibration_note: string;
-            deviation: components["schemas"]["DeviationOut"] | null;
-            /** Deviation Note */
-            deviation_note: string;
-            first: components["schemas"]["ScanOut"];
-            second: components["schemas"]["ScanOut"];
-            /** Settings */
-            settings: components["schemas"]["DifferenceOut"][];
-        };
-        /**
-         * CalibrationOut
-         * @description The calibration a scan was taken with.
-         */
-        app__api__scan_models__CalibrationOut: {
-            /**
-             * Created
-             * Format: date-time
-             */
-            created: string;
-            /** Expected Error Mm */
-            expected_error_mm: number | null;
-            /** Method */
-            method: string;
-        };
-        /**
-         * Kind
-         * @description Ways to calibrate.
-         * @enum {string}
-         */
-        app__jobs__calibrate_state__Kind: "automatic" | "full" | "camera" | "table" | "paper";
-        /**
-         * Kind
-         * @description The kinds of live picture.
-         * @enum {string}
-         */
-        app__live__settings__Kind: "raw" | "mask" | "overlay" | "stripe";
         /**
          * Arrow
          * @description From where the board is seen to where it should go.
@@ -2162,6 +1968,60 @@ export interface components {
         /**
          * BenchChangedOut
          * @description Something about the bench is different.
+         * @example {
+         *       "bench": {
+         *         "angle_deg": 90,
+         *         "camera": {
+         *           "connected": true,
+         *           "fps": 29.9,
+         *           "frozen": false,
+         *           "lost": 0,
+         *           "name": "simulated camera",
+         *           "problem": "",
+         *           "size": [
+         *             1280,
+         *             720
+         *           ]
+         *         },
+         *         "holder": "",
+         *         "laser_facts": [
+         *           {
+         *             "channel": 1,
+         *             "colour": "red",
+         *             "name": "left"
+         *           },
+         *           {
+         *             "channel": 2,
+         *             "colour": "red",
+         *             "name": "right"
+         *           }
+         *         ],
+         *         "lasers": [
+         *           "left",
+         *           "right"
+         *         ],
+         *         "lasers_on": [
+         *           "left"
+         *         ],
+         *         "name": "my scanner",
+         *         "placed": true,
+         *         "problems": [],
+         *         "simulated": false,
+         *         "table": {
+         *           "can_stop": true,
+         *           "can_turn_steadily": true,
+         *           "driver": "horus",
+         *           "fastest_deg_s": 180,
+         *           "lasers_by_hand": false,
+         *           "port": "/dev/serial/by-id/usb-1a86_USB2.0-Serial-if00-port0",
+         *           "slowest_deg_s": 0.1125,
+         *           "smallest_deg": 0.1125,
+         *           "turns_by_itself": false
+         *         },
+         *         "turntable": "Horus 0.2"
+         *       },
+         *       "type": "bench-changed"
+         *     }
          */
         BenchChangedOut: {
             bench: components["schemas"]["BenchOut"];
@@ -2186,6 +2046,57 @@ export interface components {
          *         lasers_on: those that are lit.
          *         holder: what holds the bench; empty for nothing.
          *         problems: what is wrong now, as sentences.
+         * @example {
+         *       "angle_deg": 90,
+         *       "camera": {
+         *         "connected": true,
+         *         "fps": 29.9,
+         *         "frozen": false,
+         *         "lost": 0,
+         *         "name": "simulated camera",
+         *         "problem": "",
+         *         "size": [
+         *           1280,
+         *           720
+         *         ]
+         *       },
+         *       "holder": "",
+         *       "laser_facts": [
+         *         {
+         *           "channel": 1,
+         *           "colour": "red",
+         *           "name": "left"
+         *         },
+         *         {
+         *           "channel": 2,
+         *           "colour": "red",
+         *           "name": "right"
+         *         }
+         *       ],
+         *       "lasers": [
+         *         "left",
+         *         "right"
+         *       ],
+         *       "lasers_on": [
+         *         "left"
+         *       ],
+         *       "name": "my scanner",
+         *       "placed": true,
+         *       "problems": [],
+         *       "simulated": false,
+         *       "table": {
+         *         "can_stop": true,
+         *         "can_turn_steadily": true,
+         *         "driver": "horus",
+         *         "fastest_deg_s": 180,
+         *         "lasers_by_hand": false,
+         *         "port": "/dev/serial/by-id/usb-1a86_USB2.0-Serial-if00-port0",
+         *         "slowest_deg_s": 0.1125,
+         *         "smallest_deg": 0.1125,
+         *         "turns_by_itself": false
+         *       },
+         *       "turntable": "Horus 0.2"
+         *     }
          */
         BenchOut: {
             /** Angle Deg */
@@ -2194,7 +2105,7 @@ export interface components {
             /** Holder */
             holder: string;
             /** Laser Facts */
-            laser_facts: components["schemas"]["app__api__bench_out__LaserOut"][];
+            laser_facts: components["schemas"]["LaserOut"][];
             /** Lasers */
             lasers: string[];
             /** Lasers On */
@@ -2219,6 +2130,16 @@ export interface components {
          *         key: what it is called in the bin.
          *         name: what its folder was called.
          *         frees_bytes: what erasing it gives back.
+         * @example {
+         *       "created": "2026-11-21T10:15:00Z",
+         *       "deleted": "2026-11-21T11:30:00Z",
+         *       "frees_bytes": 52411904,
+         *       "key": "20261121-113000-a-mug",
+         *       "name": "a-mug",
+         *       "pictures": 400,
+         *       "points": 184203,
+         *       "title": "A mug"
+         *     }
          */
         BinOut: {
             /**
@@ -2253,6 +2174,17 @@ export interface components {
          *         description: for people.
          *         is_of_bench: whether the bench names it; else it is one that suits most.
          *         ruler_mm: length of the ruler that is printed with it.
+         * @example {
+         *       "board": {
+         *         "columns": 11,
+         *         "kind": "chessboard",
+         *         "rows": 8,
+         *         "square_mm": 12
+         *       },
+         *       "description": "chessboard, 11 x 8 corners, 12 mm",
+         *       "is_of_bench": true,
+         *       "ruler_mm": 100
+         *     }
          */
         BoardOut: {
             /** Board */
@@ -2267,6 +2199,18 @@ export interface components {
         /**
          * BoxModel
          * @description A box along the table's axes, by two of its corners: x, y, z in mm.
+         * @example {
+         *       "high": [
+         *         30,
+         *         30,
+         *         80
+         *       ],
+         *       "low": [
+         *         -30,
+         *         -30,
+         *         2
+         *       ]
+         *     }
          */
         BoxModel: {
             /** High */
@@ -2295,6 +2239,16 @@ export interface components {
          *         camera: of kind `table`: name of the calibration whose camera is taken; by default the newest that
          *             fits.
          *         hands: who shows the board; `simulated` only on a simulated bench, where all then goes by itself.
+         * @example {
+         *       "board": {
+         *         "columns": 11,
+         *         "kind": "chessboard",
+         *         "rows": 8,
+         *         "square_mm": 12
+         *       },
+         *       "kind": "automatic",
+         *       "ruler_mm": 99.8
+         *     }
          */
         CalibrateIn: {
             /** Board */
@@ -2311,7 +2265,7 @@ export interface components {
              */
             hands?: "person" | "simulated";
             /** @default automatic */
-            kind?: components["schemas"]["app__jobs__calibrate_state__Kind"];
+            kind?: components["schemas"]["CalibrationKind"];
             /**
              * Ruler Mm
              * @default 100
@@ -2321,6 +2275,81 @@ export interface components {
         /**
          * CalibrationChangedOut
          * @description A calibration that is being made stands differently.
+         * @example {
+         *       "calibration": {
+         *         "arrow": null,
+         *         "coverage": [
+         *           [
+         *             0,
+         *             2
+         *           ],
+         *           [
+         *             1,
+         *             0
+         *           ]
+         *         ],
+         *         "coverage_share": 0.5,
+         *         "done": 0,
+         *         "height": 720,
+         *         "instruction": {
+         *           "code": "place-board",
+         *           "problem": "",
+         *           "target": null,
+         *           "words": "Stand the board on the table."
+         *         },
+         *         "job_id": "20261120-175600-calibrate-1",
+         *         "kind": "automatic",
+         *         "may_continue": true,
+         *         "may_take": false,
+         *         "outline": [],
+         *         "said": "",
+         *         "session": "20261120-175600",
+         *         "sight": "unseen",
+         *         "step": "board",
+         *         "steps": [
+         *           "board",
+         *           "proof",
+         *           "table",
+         *           "solving",
+         *           "proving",
+         *           "done"
+         *         ],
+         *         "taken": 1,
+         *         "views": [
+         *           {
+         *             "angle_deg": 12,
+         *             "corners": 88,
+         *             "is_struck": false,
+         *             "number": 0,
+         *             "outline": [
+         *               [
+         *                 0.3,
+         *                 0.2
+         *               ],
+         *               [
+         *                 0.7,
+         *                 0.2
+         *               ],
+         *               [
+         *                 0.7,
+         *                 0.8
+         *               ],
+         *               [
+         *                 0.3,
+         *                 0.8
+         *               ]
+         *             ],
+         *             "pose": 0,
+         *             "reason": "",
+         *             "rms_px": null,
+         *             "step": "board"
+         *           }
+         *         ],
+         *         "waits_for_person": true,
+         *         "width": 1280
+         *       },
+         *       "type": "calibration-changed"
+         *     }
          */
         CalibrationChangedOut: {
             calibration: components["schemas"]["CalibrationState"];
@@ -2329,6 +2358,71 @@ export interface components {
              * @enum {string}
              */
             type: "calibration-changed";
+        };
+        /**
+         * ComparisonOut
+         * @description What the second calibration has changed.
+         *
+         *     Attributes:
+         *         bent_mm: by how much a ball of 60 mm changes its shape, RMS.
+         *         expected_mm: how much of that the two calibrations' own uncertainty explains.
+         *         is_explained: whether it does; null where that is unknown.
+         *         only_first, only_second: lasers that the other does not know.
+         * @example {
+         *       "axis": {
+         *         "shift_mm": 0.02,
+         *         "table_mm": 0,
+         *         "tilt_deg": 0.01
+         *       },
+         *       "ball": [
+         *         {
+         *           "bent_mm": 0.01,
+         *           "moved_mm": 0.02,
+         *           "name": "left"
+         *         }
+         *       ],
+         *       "bent_mm": 0.01,
+         *       "camera": {
+         *         "centre_px": 0.2,
+         *         "edge_px": 0.3,
+         *         "focal_percent": 0.03,
+         *         "focal_px": [
+         *           0.4,
+         *           0.4
+         *         ]
+         *       },
+         *       "expected_mm": 0.05,
+         *       "is_explained": true,
+         *       "lasers": [
+         *         {
+         *           "angle_deg": 0.01,
+         *           "at_axis_mm": 0.02,
+         *           "name": "left"
+         *         }
+         *       ],
+         *       "only_first": [],
+         *       "only_second": [
+         *         "right"
+         *       ]
+         *     }
+         */
+        CalibrationComparisonOut: {
+            axis: components["schemas"]["AxisChangeOut"] | null;
+            /** Ball */
+            ball: components["schemas"]["BallChangeOut"][];
+            /** Bent Mm */
+            bent_mm: number | null;
+            camera: components["schemas"]["CameraChangeOut"];
+            /** Expected Mm */
+            expected_mm: number | null;
+            /** Is Explained */
+            is_explained: boolean | null;
+            /** Lasers */
+            lasers: components["schemas"]["PlaneChangeOut"][];
+            /** Only First */
+            only_first: string[];
+            /** Only Second */
+            only_second: string[];
         };
         /**
          * CalibrationDetailOut
@@ -2345,6 +2439,75 @@ export interface components {
          *         proof: what it found; null where there was none.
          *         notes: what it could not know, of one from elsewhere.
          *         has_report: whether there is a page with drawings.
+         * @example {
+         *       "axis_rms_mm": 0.012,
+         *       "centre_px": [
+         *         641.2,
+         *         358.7
+         *       ],
+         *       "chi": 1.04,
+         *       "created": "2026-11-20T18:02:11Z",
+         *       "distortion": [
+         *         0.03,
+         *         -0.11,
+         *         0,
+         *         0,
+         *         0.02
+         *       ],
+         *       "expected_error_mm": 0.034,
+         *       "focal_px": [
+         *         1180.4,
+         *         1180.9
+         *       ],
+         *       "has_axis": true,
+         *       "has_report": true,
+         *       "has_table": true,
+         *       "height": 720,
+         *       "is_current": true,
+         *       "lasers": [
+         *         "left",
+         *         "right"
+         *       ],
+         *       "level": "green",
+         *       "method": "joint",
+         *       "missing": [],
+         *       "name": "20261120-180211",
+         *       "notes": [],
+         *       "planes": [
+         *         {
+         *           "distance_mm": -152.4,
+         *           "name": "left",
+         *           "normal": [
+         *             0.86,
+         *             0.02,
+         *             -0.51
+         *           ],
+         *           "rms_mm": 0.031
+         *         }
+         *       ],
+         *       "problem": "",
+         *       "proof": {
+         *         "findings": [
+         *           {
+         *             "cause": "",
+         *             "fair_mm": 0.15,
+         *             "good_mm": 0.05,
+         *             "level": "green",
+         *             "name": "size",
+         *             "remedy": "",
+         *             "value_mm": 0.021,
+         *             "verdict": "good",
+         *             "words": "Distances on the board are right."
+         *           }
+         *         ],
+         *         "level": "green",
+         *         "points": 21350,
+         *         "stops": 8,
+         *         "verdict": "good"
+         *       },
+         *       "rms_px": 0.11,
+         *       "width": 1280
+         *     }
          */
         CalibrationDetailOut: {
             /** Axis Rms Mm */
@@ -2420,7 +2583,7 @@ export interface components {
              * Planes
              * @default []
              */
-            planes?: components["schemas"]["app__api__calibration_models__LaserOut"][];
+            planes?: components["schemas"]["LaserPlaneOut"][];
             /**
              * Problem
              * @default
@@ -2434,6 +2597,126 @@ export interface components {
              * @default 0
              */
             width?: number;
+        };
+        /**
+         * Kind
+         * @description Ways to calibrate.
+         * @enum {string}
+         */
+        CalibrationKind: "automatic" | "full" | "camera" | "table" | "paper";
+        /**
+         * CalibrationOut
+         * @description A calibration that is kept.
+         *
+         *     Attributes:
+         *         name: of it in the store: its date.
+         *         method: how it was found, or the program it comes from.
+         *         width, height: of the pictures it is for.
+         *         lasers: those whose planes it knows.
+         *         has_axis, has_table: whether it knows what the table turns about, and how high it is.
+         *         expected_error_mm: what it expects at the object.
+         *         level: of its proof.
+         *         is_current: whether it is in use.
+         *         problem: why it cannot be read; empty where it can.
+         *         missing: what a scan needs and it lacks: `lasers`, `axis`.
+         * @example {
+         *       "created": "2026-11-20T18:02:11Z",
+         *       "expected_error_mm": 0.034,
+         *       "has_axis": true,
+         *       "has_table": true,
+         *       "height": 720,
+         *       "is_current": true,
+         *       "lasers": [
+         *         "left",
+         *         "right"
+         *       ],
+         *       "level": "green",
+         *       "method": "joint",
+         *       "missing": [],
+         *       "name": "20261120-180211",
+         *       "problem": "",
+         *       "width": 1280
+         *     }
+         */
+        CalibrationOut: {
+            /** Created */
+            created?: string | null;
+            /** Expected Error Mm */
+            expected_error_mm?: number | null;
+            /**
+             * Has Axis
+             * @default false
+             */
+            has_axis?: boolean;
+            /**
+             * Has Table
+             * @default false
+             */
+            has_table?: boolean;
+            /**
+             * Height
+             * @default 0
+             */
+            height?: number;
+            /** Is Current */
+            is_current: boolean;
+            /**
+             * Lasers
+             * @default []
+             */
+            lasers?: string[];
+            /** Level */
+            level?: ("green" | "amber" | "red") | null;
+            /**
+             * Method
+             * @default
+             */
+            method?: string;
+            /**
+             * Missing
+             * @default []
+             */
+            missing?: string[];
+            /** Name */
+            name: string;
+            /**
+             * Problem
+             * @default
+             */
+            problem?: string;
+            /**
+             * Width
+             * @default 0
+             */
+            width?: number;
+        };
+        /**
+         * SessionOut
+         * @description Pictures of a calibration; see `SessionFacts`.
+         * @example {
+         *       "calibration": "20261120-180211",
+         *       "created": "2026-11-20T17:56:00Z",
+         *       "kind": "automatic",
+         *       "name": "20261120-175600",
+         *       "pictures": 96,
+         *       "problem": ""
+         *     }
+         */
+        CalibrationSessionOut: {
+            /** Calibration */
+            calibration: string;
+            /**
+             * Created
+             * Format: date-time
+             */
+            created: string;
+            kind: components["schemas"]["CalibrationKind"] | null;
+            /** Name */
+            name: string;
+            /** Pictures */
+            pictures: number;
+            /** Problem */
+            problem: string;
         };
         /**
          * CalibrationState
@@ -2459,6 +2742,78 @@ export interface components {
          *         views: what was taken.
          *         taken: counts up with every view, for a sound.
          *         width, height: of the pictures, px.
+         * @example {
+         *       "arrow": null,
+         *       "coverage": [
+         *         [
+         *           0,
+         *           2
+         *         ],
+         *         [
+         *           1,
+         *           0
+         *         ]
+         *       ],
+         *       "coverage_share": 0.5,
+         *       "done": 0,
+         *       "height": 720,
+         *       "instruction": {
+         *         "code": "place-board",
+         *         "problem": "",
+         *         "target": null,
+         *         "words": "Stand the board on the table."
+         *       },
+         *       "job_id": "20261120-175600-calibrate-1",
+         *       "kind": "automatic",
+         *       "may_continue": true,
+         *       "may_take": false,
+         *       "outline": [],
+         *       "said": "",
+         *       "session": "20261120-175600",
+         *       "sight": "unseen",
+         *       "step": "board",
+         *       "steps": [
+         *         "board",
+         *         "proof",
+         *         "table",
+         *         "solving",
+         *         "proving",
+         *         "done"
+         *       ],
+         *       "taken": 1,
+         *       "views": [
+         *         {
+         *           "angle_deg": 12,
+         *           "corners": 88,
+         *           "is_struck": false,
+         *           "number": 0,
+         *           "outline": [
+         *             [
+         *               0.3,
+         *               0.2
+         *             ],
+         *             [
+         *               0.7,
+         *               0.2
+         *             ],
+         *             [
+         *               0.7,
+         *               0.8
+         *             ],
+         *             [
+         *               0.3,
+         *               0.8
+         *             ]
+         *           ],
+         *           "pose": 0,
+         *           "reason": "",
+         *           "rms_px": null,
+         *           "step": "board"
+         *         }
+         *       ],
+         *       "waits_for_person": true,
+         *       "width": 1280
+         *     }
          */
         CalibrationState: {
             arrow: components["schemas"]["Arrow"] | null;
@@ -2473,7 +2828,7 @@ export interface components {
             instruction: components["schemas"]["Instruction"];
             /** Job Id */
             job_id: string;
-            kind: components["schemas"]["app__jobs__calibrate_state__Kind"];
+            kind: components["schemas"]["CalibrationKind"];
             /** May Continue */
             may_continue: boolean;
             /** May Take */
@@ -2572,6 +2927,12 @@ export interface components {
         /**
          * CheckupIn
          * @description Which checks to make; all where none is named.
+         * @example {
+         *       "only": [
+         *         "board",
+         *         "lasers"
+         *       ]
+         *     }
          */
         CheckupIn: {
             /**
@@ -2611,6 +2972,20 @@ export interface components {
          *         camera: driver of the camera.
          *         device: of a camera with the driver `uvc`, as listed; the address of one with `url`.
          *         lasers: as usual for the board where none is named.
+         * @example {
+         *       "board": "horus",
+         *       "camera": "uvc",
+         *       "device": "0",
+         *       "lasers": [
+         *         {
+         *           "channel": 1,
+         *           "colour": "red",
+         *           "name": "left"
+         *         }
+         *       ],
+         *       "name": "my scanner",
+         *       "port": "/dev/ttyUSB0"
+         *     }
          */
         ChoiceIn: {
             /** Baud */
@@ -2660,6 +3035,60 @@ export interface components {
         /**
          * ChosenOut
          * @description The bench that is in use now; `problem` is why a device of it does not work yet, empty for nothing.
+         * @example {
+         *       "bench": {
+         *         "angle_deg": 90,
+         *         "camera": {
+         *           "connected": true,
+         *           "fps": 29.9,
+         *           "frozen": false,
+         *           "lost": 0,
+         *           "name": "simulated camera",
+         *           "problem": "",
+         *           "size": [
+         *             1280,
+         *             720
+         *           ]
+         *         },
+         *         "holder": "",
+         *         "laser_facts": [
+         *           {
+         *             "channel": 1,
+         *             "colour": "red",
+         *             "name": "left"
+         *           },
+         *           {
+         *             "channel": 2,
+         *             "colour": "red",
+         *             "name": "right"
+         *           }
+         *         ],
+         *         "lasers": [
+         *           "left",
+         *           "right"
+         *         ],
+         *         "lasers_on": [
+         *           "left"
+         *         ],
+         *         "name": "my scanner",
+         *         "placed": true,
+         *         "problems": [],
+         *         "simulated": false,
+         *         "table": {
+         *           "can_stop": true,
+         *           "can_turn_steadily": true,
+         *           "driver": "horus",
+         *           "fastest_deg_s": 180,
+         *           "lasers_by_hand": false,
+         *           "port": "/dev/serial/by-id/usb-1a86_USB2.0-Serial-if00-port0",
+         *           "slowest_deg_s": 0.1125,
+         *           "smallest_deg": 0.1125,
+         *           "turns_by_itself": false
+         *         },
+         *         "turntable": "Horus 0.2"
+         *       },
+         *       "problem": ""
+         *     }
          */
         ChosenOut: {
             bench: components["schemas"]["BenchOut"];
@@ -2714,6 +3143,9 @@ export interface components {
         /**
          * CodeIn
          * @description Where the phone shall go; the recommended address where none is named.
+         * @example {
+         *       "address": "http://192.168.1.20:8000"
+         *     }
          */
         CodeIn: {
             /**
@@ -2730,6 +3162,15 @@ export interface components {
          *         link: with the key behind `#`, which browsers send to no server.
          *         rows: of the code, `1` where it is dark; without the margin of four that readers need.
          *         lasts_s: for so many seconds.
+         * @example {
+         *       "lasts_s": 600,
+         *       "link": "http://192.168.1.20:8000/login#key=of-one-use",
+         *       "rows": [
+         *         "111",
+         *         "101",
+         *         "111"
+         *       ]
+         *     }
          */
         CodeOut: {
             /** Lasts S */
@@ -2756,6 +3197,18 @@ export interface components {
          *         lowest, highest: its range; None where unknown.
          *         automatic: whether the camera changes it by itself.
          *         uses: what it is set to while pictures for lasers, texture or the board are taken, where that is set.
+         * @example {
+         *       "automatic": false,
+         *       "highest": 100000,
+         *       "lowest": 100,
+         *       "name": "exposure",
+         *       "present": true,
+         *       "uses": {
+         *         "laser": 8000,
+         *         "texture": "auto"
+         *       },
+         *       "value": 8000
+         *     }
          */
         ControlOut: {
             /**
@@ -2783,6 +3236,13 @@ export interface components {
         /**
          * ControlsIn
          * @description Values to set now, and to keep for one use; `auto` leaves a control to the camera.
+         * @example {
+         *       "use": "laser",
+         *       "values": {
+         *         "exposure": 8000,
+         *         "white_balance": "auto"
+         *       }
+         *     }
          */
         ControlsIn: {
             /** @default laser */
@@ -2795,6 +3255,23 @@ export interface components {
         /**
          * CountersOut
          * @description What is counted; see `Counters`.
+         * @example {
+         *       "bytes_sent": 48211930,
+         *       "fps": 29.9,
+         *       "frames": 18112,
+         *       "live_fps": {
+         *         "overlay": 15
+         *       },
+         *       "lost": 0,
+         *       "points": 92310,
+         *       "skipped": 3,
+         *       "type": "counters",
+         *       "viewers": {
+         *         "cloud": 1,
+         *         "events": 2,
+         *         "overlay": 1
+         *       }
+         *     }
          */
         CountersOut: {
             /** Bytes Sent */
@@ -2848,6 +3325,40 @@ export interface components {
         /**
          * DevicesOut
          * @description What is there, and what can be chosen; `bench` names the bench in use.
+         * @example {
+         *       "bench": "bench.toml",
+         *       "cameras": [
+         *         {
+         *           "device": "0",
+         *           "is_built_in": false,
+         *           "name": "HD Pro Webcam",
+         *           "path": "/dev/video0",
+         *           "problem": "",
+         *           "serial_number": "",
+         *           "usb_id": "046d:082d"
+         *         }
+         *       ],
+         *       "ports": [
+         *         {
+         *           "description": "USB2.0-Serial",
+         *           "in_use": true,
+         *           "name": "/dev/serial/by-id/usb-1a86_USB2.0-Serial-if00-port0",
+         *           "path": "/dev/ttyUSB0",
+         *           "problem": "",
+         *           "serial_number": "",
+         *           "usb_id": "1a86:7523"
+         *         }
+         *       ],
+         *       "presets": [
+         *         {
+         *           "board": "horus",
+         *           "camera": "uvc",
+         *           "name": "ciclop",
+         *           "note": "",
+         *           "title": "BQ Ciclop"
+         *         }
+         *       ]
+         *     }
          */
         DevicesOut: {
             /** Bench */
@@ -2888,6 +3399,10 @@ export interface components {
         /**
          * ErasedOut
          * @description What was erased for good.
+         * @example {
+         *       "freed_bytes": 52411904,
+         *       "scans": 1
+         *     }
          */
         ErasedOut: {
             /** Freed Bytes */
@@ -2898,6 +3413,14 @@ export interface components {
         /**
          * EstimateOut
          * @description What a scan will take; see `ScanEstimate`.
+         * @example {
+         *       "capture_s": 150,
+         *       "is_measured": true,
+         *       "points": 180000,
+         *       "seconds": 170,
+         *       "shots": 600,
+         *       "size_bytes": 54000000
+         *     }
          */
         EstimateOut: {
             /** Capture S */
@@ -2927,6 +3450,10 @@ export interface components {
          *         scan: its name in the library.
          *         form: of the file.
          *         cloud: which of the scan's clouds; the newest where none is named.
+         * @example {
+         *       "form": "xyz",
+         *       "scan": "a-mug"
+         *     }
          */
         ExportIn: {
             /**
@@ -2942,6 +3469,9 @@ export interface components {
         /**
          * ExposureIn
          * @description Which laser to expose for; the first where none is named.
+         * @example {
+         *       "laser": "left"
+         *     }
          */
         ExposureIn: {
             /** Laser */
@@ -2959,6 +3489,24 @@ export interface components {
          *         bright_grey: brightness of the stripe, grey levels.
          *         pictures: that were taken.
          *         advice: empty where all is well; `dim` or `uneven`, see `find_exposure`.
+         * @example {
+         *       "advice": "",
+         *       "bright_grey": 212,
+         *       "clipped": 0.01,
+         *       "control": {
+         *         "automatic": false,
+         *         "highest": 100000,
+         *         "lowest": 100,
+         *         "name": "exposure",
+         *         "present": true,
+         *         "uses": {
+         *           "laser": 8000,
+         *           "texture": "auto"
+         *         },
+         *         "value": 8000
+         *       },
+         *       "pictures": 9
+         *     }
          */
         ExposureOut: {
             /**
@@ -2997,6 +3545,9 @@ export interface components {
         /**
          * FreedOut
          * @description What erasing something gave back.
+         * @example {
+         *       "freed_bytes": 6079012
+         *     }
          */
         FreedOut: {
             /** Freed Bytes */
@@ -3005,6 +3556,13 @@ export interface components {
         /**
          * IdentityOut
          * @description What is behind a port; `board` is empty where it is none that is known here.
+         * @example {
+         *       "baud": 115200,
+         *       "board": "horus",
+         *       "firmware": "Horus 0.2",
+         *       "notes": [],
+         *       "options": {}
+         *     }
          */
         IdentityOut: {
             /** Baud */
@@ -3027,6 +3585,78 @@ export interface components {
          *     Attributes:
          *         calibration: as it is kept.
          *         was_there: whether the same was kept already.
+         * @example {
+         *       "calibration": {
+         *         "axis_rms_mm": 0.012,
+         *         "centre_px": [
+         *           641.2,
+         *           358.7
+         *         ],
+         *         "chi": 1.04,
+         *         "created": "2026-11-20T18:02:11Z",
+         *         "distortion": [
+         *           0.03,
+         *           -0.11,
+         *           0,
+         *           0,
+         *           0.02
+         *         ],
+         *         "expected_error_mm": 0.034,
+         *         "focal_px": [
+         *           1180.4,
+         *           1180.9
+         *         ],
+         *         "has_axis": true,
+         *         "has_report": true,
+         *         "has_table": true,
+         *         "height": 720,
+         *         "is_current": true,
+         *         "lasers": [
+         *           "left",
+         *           "right"
+         *         ],
+         *         "level": "green",
+         *         "method": "joint",
+         *         "missing": [],
+         *         "name": "20261120-180211",
+         *         "notes": [],
+         *         "planes": [
+         *           {
+         *             "distance_mm": -152.4,
+         *             "name": "left",
+         *             "normal": [
+         *               0.86,
+         *               0.02,
+         *               -0.51
+         *             ],
+         *             "rms_mm": 0.031
+         *           }
+         *         ],
+         *         "problem": "",
+         *         "proof": {
+         *           "findings": [
+         *             {
+         *               "cause": "",
+         *               "fair_mm": 0.15,
+         *               "good_mm": 0.05,
+         *               "level": "green",
+         *               "name": "size",
+         *               "remedy": "",
+         *               "value_mm": 0.021,
+         *               "verdict": "good",
+         *               "words": "Distances on the board are right."
+         *             }
+         *           ],
+         *           "level": "green",
+         *           "points": 21350,
+         *           "stops": 8,
+         *           "verdict": "good"
+         *         },
+         *         "rms_px": 0.11,
+         *         "width": 1280
+         *       },
+         *       "was_there": false
+         *     }
          */
         ImportedOut: {
             calibration: components["schemas"]["CalibrationDetailOut"];
@@ -3063,6 +3693,27 @@ export interface components {
         /**
          * JobChangedOut
          * @description A job is new, or at another point than before.
+         * @example {
+         *       "job": {
+         *         "can_resume": false,
+         *         "created": "2026-11-21T10:15:00Z",
+         *         "done": 120,
+         *         "ended": null,
+         *         "id": "20261121-101500-scan-1",
+         *         "kind": "scan",
+         *         "note": "",
+         *         "problem": null,
+         *         "result": {},
+         *         "scan": "a-mug",
+         *         "seconds": 41.2,
+         *         "seconds_left": 96,
+         *         "state": "running",
+         *         "title": "A mug",
+         *         "total": 400,
+         *         "waits_for": ""
+         *       },
+         *       "type": "job-changed"
+         *     }
          */
         JobChangedOut: {
             job: components["schemas"]["JobOut"];
@@ -3075,6 +3726,24 @@ export interface components {
         /**
          * JobOut
          * @description A job; see `JobSnapshot`.
+         * @example {
+         *       "can_resume": false,
+         *       "created": "2026-11-21T10:15:00Z",
+         *       "done": 120,
+         *       "ended": null,
+         *       "id": "20261121-101500-scan-1",
+         *       "kind": "scan",
+         *       "note": "",
+         *       "problem": null,
+         *       "result": {},
+         *       "scan": "a-mug",
+         *       "seconds": 41.2,
+         *       "seconds_left": 96,
+         *       "state": "running",
+         *       "title": "A mug",
+         *       "total": 400,
+         *       "waits_for": ""
+         *     }
          */
         JobOut: {
             /** Can Resume */
@@ -3116,6 +3785,11 @@ export interface components {
         /**
          * JobSaidOut
          * @description A job has a line for its log.
+         * @example {
+         *       "job_id": "20261121-101500-scan-1",
+         *       "line": "The cloud has 184203 points.",
+         *       "type": "job-said"
+         *     }
          */
         JobSaidOut: {
             /** Job Id */
@@ -3151,11 +3825,41 @@ export interface components {
             name: string;
         };
         /**
+         * LaserOut
+         * @description A laser of the bench.
+         */
+        LaserOut: {
+            /** Channel */
+            channel: number;
+            /** Colour */
+            colour: string;
+            /** Name */
+            name: string;
+        };
+        /**
+         * LaserOut
+         * @description A laser's plane: normal . X = distance_mm, in the camera's frame.
+         */
+        LaserPlaneOut: {
+            /** Distance Mm */
+            distance_mm: number;
+            /** Name */
+            name: string;
+            /** Normal */
+            normal: number[];
+            /** Rms Mm */
+            rms_mm: number | null;
+        };
+        /**
          * Line
          * @description A line in the board's own language.
          *
          *     Attributes:
          *         understood: that the board does whatever it is told, and that this is the sender's own risk.
+         * @example {
+         *       "line": "G90",
+         *       "understood": true
+         *     }
          */
         Line: {
             /** Line */
@@ -3175,6 +3879,10 @@ export interface components {
          *         line_step: the stripe is looked for on every so-manieth line.
          *         polygon: corners of the part of the picture that counts, as shares of width and height; none for all.
          *         cylinder: the limits that are shown where there is a calibration; null for those of a usual scan.
+         * @example {
+         *       "channel": "red",
+         *       "threshold": 25
+         *     }
          */
         LiveIn: {
             /** Channel */
@@ -3205,8 +3913,80 @@ export interface components {
             width?: number | null;
         };
         /**
+         * Kind
+         * @description The kinds of live picture.
+         * @enum {string}
+         */
+        LiveKind: "raw" | "mask" | "overlay" | "stripe";
+        /**
+         * @description The JSON in a message of live pictures. A message is, little-endian: one byte of kind (0 raw, 1 mask, 2 overlay, 3 stripe, 4 mask as packed bits), one of version (1), two of nothing, four with the length of this JSON, a multiple of 8, filled up with spaces; then the JSON; then a JPEG file (0, 1, 2), positions (3: for each point of each stripe three 16-bit numbers: line, position in parts of a pixel, flags: 1 saturated, 2 a new piece begins) or zlib of bits, row by row (4).
+         * @example {
+         *       "exposed_s": 12.5,
+         *       "frame": 7,
+         *       "is_stale": false,
+         *       "marks": {
+         *         "board": [],
+         *         "markers": [],
+         *         "outlines": []
+         *       },
+         *       "numbers": null,
+         *       "parts": 16,
+         *       "problem": "",
+         *       "size": [
+         *         640,
+         *         480
+         *       ],
+         *       "stripes": [
+         *         [
+         *           "left",
+         *           "vertical",
+         *           2
+         *         ]
+         *       ]
+         *     }
+         */
+        LiveMessage: {
+            /** @description When its exposure began, by the server's own clock. */
+            exposed_s: number;
+            /** @description Of the camera; pictures with the same number belong together. */
+            frame: number;
+            is_stale: boolean;
+            /** @description Kind 3: outlines, board and markers, in pixels. */
+            marks?: Record<string, never>;
+            numbers: Record<string, never> | null;
+            /** @description Kind 3: so many make a pixel. */
+            parts?: number;
+            /** @description Why no newer picture comes. */
+            problem: string;
+            size: number[];
+            /** @description Kind 3: laser, direction and number of points of each. */
+            stripes?: [
+                string,
+                "vertical" | "horizontal",
+                number
+            ][];
+        };
+        /**
          * LiveOut
          * @description Settings of all live pictures; see `LiveSettings`.
+         * @example {
+         *       "channel": "red",
+         *       "cylinder": {
+         *         "highest_mm": 200,
+         *         "lowest_mm": -2,
+         *         "radius_mm": 100
+         *       },
+         *       "detector": "zero-crossing",
+         *       "laser": null,
+         *       "line_step": 2,
+         *       "polygon": [],
+         *       "quality": 80,
+         *       "shows_board": true,
+         *       "shows_markers": true,
+         *       "shows_region": true,
+         *       "threshold": 25,
+         *       "width": null
+         *     }
          */
         LiveOut: {
             /** Channel */
@@ -3239,6 +4019,9 @@ export interface components {
         /**
          * LoginIn
          * @description Either of the two; the key is one that the server shows as a code.
+         * @example {
+         *       "password": "a sentence that only we know"
+         *     }
          */
         LoginIn: {
             /**
@@ -3253,8 +4036,50 @@ export interface components {
             password?: string;
         };
         /**
+         * SessionOut
+         * @description A browser that is logged in.
+         *
+         *     Attributes:
+         *         browser: what it is, roughly.
+         *         is_this: whether it is the one that asks.
+         * @example {
+         *       "browser": "Firefox on Linux",
+         *       "created": "2026-11-21T10:00:00Z",
+         *       "expires": "2026-12-21T10:00:00Z",
+         *       "id": "3f9c2b",
+         *       "is_this": true,
+         *       "last_seen": "2026-11-21T10:15:00Z"
+         *     }
+         */
+        LoginSessionOut: {
+            /** Browser */
+            browser: string;
+            /**
+             * Created
+             * Format: date-time
+             */
+            created: string;
+            /**
+             * Expires
+             * Format: date-time
+             */
+            expires: string;
+            /** Id */
+            id: string;
+            /** Is This */
+            is_this: boolean;
+            /**
+             * Last Seen
+             * Format: date-time
+             */
+            last_seen: string;
+        };
+        /**
          * LookIn
          * @description From where to look; `tab` is the page's own name of its view, all pages where it is absent.
+         * @example {
+         *       "preset": "top"
+         *     }
          */
         LookIn: {
             /**
@@ -3268,6 +4093,11 @@ export interface components {
         /**
          * MeasureIn
          * @description A place in a page's view, 0..1 from its upper left corner; `tab` is the page's own name of it.
+         * @example {
+         *       "across": 0.52,
+         *       "down": 0.4,
+         *       "tab": "left-window"
+         *     }
          */
         MeasureIn: {
             /** Across */
@@ -3283,6 +4113,10 @@ export interface components {
          *
          *     Attributes:
          *         speed_deg_s: of a turn by so much; as fast as usual where it is absent.
+         * @example {
+         *       "by_deg": 45,
+         *       "speed_deg_s": 30
+         *     }
          */
         Move: {
             /** Angle Deg */
@@ -3295,6 +4129,11 @@ export interface components {
         /**
          * NoticeOut
          * @description Something to be told to people, whatever they are doing.
+         * @example {
+         *       "hint": "Switch them on again.",
+         *       "text": "Nobody was there for a while, so the lasers went off: left.",
+         *       "type": "notice"
+         *     }
          */
         NoticeOut: {
             /** Hint */
@@ -3310,6 +4149,10 @@ export interface components {
         /**
          * PasswordIn
          * @description The new password, and the old one where there is one.
+         * @example {
+         *       "new": "another one that nobody guesses",
+         *       "old": "a sentence that only we know"
+         *     }
          */
         PasswordIn: {
             /** New */
@@ -3353,6 +4196,25 @@ export interface components {
          *     Attributes:
          *         total: pictures of the roles that were asked for.
          *         width, height: of each, pixels.
+         * @example {
+         *       "height": 720,
+         *       "pictures": [
+         *         {
+         *           "angle_deg": 0,
+         *           "exposure_us": 8000,
+         *           "lasers_on": [
+         *             "left"
+         *           ],
+         *           "number": 0,
+         *           "pose": null,
+         *           "role": "scan",
+         *           "time_s": 0.4
+         *         }
+         *       ],
+         *       "start": 0,
+         *       "total": 400,
+         *       "width": 1280
+         *     }
          */
         PicturesOut: {
             /** Height */
@@ -3381,6 +4243,11 @@ export interface components {
         /**
          * PointsAddedOut
          * @description A scan has more points: so many in all.
+         * @example {
+         *       "job_id": "20261121-101500-scan-1",
+         *       "points": 92310,
+         *       "type": "points-added"
+         *     }
          */
         PointsAddedOut: {
             /** Job Id */
@@ -3396,6 +4263,9 @@ export interface components {
         /**
          * PortIn
          * @description A port, by its lasting name or its path, as listed.
+         * @example {
+         *       "port": "/dev/ttyUSB0"
+         *     }
          */
         PortIn: {
             /** Port */
@@ -3452,6 +4322,12 @@ export interface components {
          *         title: one sentence, for people.
          *         status: of the answer.
          *         hint: what to do.
+         * @example {
+         *       "hint": "Wait until it has ended, or cancel it.",
+         *       "status": 409,
+         *       "title": "The bench is busy: a scan holds it.",
+         *       "type": "turnscan:bench-busy"
+         *     }
          */
         Problem: {
             /**
@@ -3537,6 +4413,14 @@ export interface components {
          *     Attributes:
          *         scan: its name in the library.
          *         calibration: a name in the store, `current` for the one in use, `own` for that of the scan.
+         * @example {
+         *       "above_mm": 1,
+         *       "calibration": "current",
+         *       "detector": "zero-crossing",
+         *       "min_quality": 0.2,
+         *       "scan": "a-mug",
+         *       "with_colour": true
+         *     }
          */
         ReconstructIn: {
             /** Above Mm */
@@ -3579,6 +4463,9 @@ export interface components {
          *
          *     Attributes:
          *         accept_position: take it that an interrupted move was completed, where nothing shows it.
+         * @example {
+         *       "scan": "a-mug"
+         *     }
          */
         ResumeIn: {
             /**
@@ -3595,6 +4482,9 @@ export interface components {
          *
          *     Attributes:
          *         accept_position: see `ResumeIn`.
+         * @example {
+         *       "accept_position": false
+         *     }
          */
         RetryIn: {
             /**
@@ -3610,6 +4500,108 @@ export interface components {
          */
         Role: "intrinsics" | "laser_plane" | "axis" | "axis_line" | "scan" | "texture" | "background";
         /**
+         * ComparisonOut
+         * @description Two scans; see `ScanComparison`. `calibration` is as `turnscan calibrations compare --json` has it.
+         * @example {
+         *       "calibration": null,
+         *       "calibration_note": "Both were taken with the same calibration.",
+         *       "deviation": {
+         *         "back": {
+         *           "asked": 100000,
+         *           "median_mm": 0.03,
+         *           "p95_mm": 0.12,
+         *           "rms_mm": 0.06
+         *         },
+         *         "spacing_mm": 0.4,
+         *         "there": {
+         *           "asked": 100000,
+         *           "median_mm": 0.03,
+         *           "p95_mm": 0.12,
+         *           "rms_mm": 0.06
+         *         }
+         *       },
+         *       "deviation_note": "",
+         *       "first": {
+         *         "calibration": {
+         *           "created": "2026-11-20T18:02:11Z",
+         *           "expected_error_mm": 0.034,
+         *           "method": "joint"
+         *         },
+         *         "clouds": [
+         *           {
+         *             "calibrated": "2026-11-20T18:02:11Z",
+         *             "created": "2026-11-21T10:17:20Z",
+         *             "detector": "zero-crossing",
+         *             "name": "clouds/20261121-101720.ply",
+         *             "path": "/api/v1/scans/a-mug/clouds/20261121-101720.ply",
+         *             "points": 184203,
+         *             "size_bytes": 6079012
+         *           }
+         *         ],
+         *         "created": "2026-11-21T10:15:00Z",
+         *         "has_thumbnail": true,
+         *         "name": "a-mug",
+         *         "note": "before it was glued",
+         *         "pictures": 400,
+         *         "points": 184203,
+         *         "reason": "",
+         *         "size_bytes": 52411904,
+         *         "status": "finished",
+         *         "title": "A mug"
+         *       },
+         *       "second": {
+         *         "calibration": {
+         *           "created": "2026-11-20T18:02:11Z",
+         *           "expected_error_mm": 0.034,
+         *           "method": "joint"
+         *         },
+         *         "clouds": [
+         *           {
+         *             "calibrated": "2026-11-20T18:02:11Z",
+         *             "created": "2026-11-21T10:17:20Z",
+         *             "detector": "zero-crossing",
+         *             "name": "clouds/20261121-101720.ply",
+         *             "path": "/api/v1/scans/a-mug/clouds/20261121-101720.ply",
+         *             "points": 184203,
+         *             "size_bytes": 6079012
+         *           }
+         *         ],
+         *         "created": "2026-11-21T10:15:00Z",
+         *         "has_thumbnail": true,
+         *         "name": "a-mug-2",
+         *         "note": "before it was glued",
+         *         "pictures": 400,
+         *         "points": 184203,
+         *         "reason": "",
+         *         "size_bytes": 52411904,
+         *         "status": "finished",
+         *         "title": "A mug, glued"
+         *       },
+         *       "settings": [
+         *         {
+         *           "first": 200,
+         *           "second": 400,
+         *           "setting": "steps"
+         *         }
+         *       ]
+         *     }
+         */
+        ScanComparisonOut: {
+            /** Calibration */
+            calibration: {
+                [key: string]: unknown;
+            } | null;
+            /** Calibration Note */
+            calibration_note: string;
+            deviation: components["schemas"]["DeviationOut"] | null;
+            /** Deviation Note */
+            deviation_note: string;
+            first: components["schemas"]["ScanOut"];
+            second: components["schemas"]["ScanOut"];
+            /** Settings */
+            settings: components["schemas"]["DifferenceOut"][];
+        };
+        /**
          * ScanIn
          * @description A scan that is wanted.
          *
@@ -3623,6 +4615,19 @@ export interface components {
          *         with_dark: pictures with the lasers off, too.
          *         texture_every: at every n-th stop a picture with the camera's settings for texture; 0 for none.
          *         together: all lasers lit in one picture.
+         * @example {
+         *       "above_mm": 1,
+         *       "detector": "zero-crossing",
+         *       "lasers": [
+         *         "left",
+         *         "right"
+         *       ],
+         *       "min_quality": 0.2,
+         *       "mode": "step",
+         *       "steps": 200,
+         *       "title": "A mug",
+         *       "with_colour": true
+         *     }
          */
         ScanIn: {
             /** Above Mm */
@@ -3706,9 +4711,37 @@ export interface components {
          *         size_bytes: of everything in its folder; `recording.zip` is a little larger.
          *         points: of the newest cloud.
          *         clouds: oldest first.
+         * @example {
+         *       "calibration": {
+         *         "created": "2026-11-20T18:02:11Z",
+         *         "expected_error_mm": 0.034,
+         *         "method": "joint"
+         *       },
+         *       "clouds": [
+         *         {
+         *           "calibrated": "2026-11-20T18:02:11Z",
+         *           "created": "2026-11-21T10:17:20Z",
+         *           "detector": "zero-crossing",
+         *           "name": "clouds/20261121-101720.ply",
+         *           "path": "/api/v1/scans/a-mug/clouds/20261121-101720.ply",
+         *           "points": 184203,
+         *           "size_bytes": 6079012
+         *         }
+         *       ],
+         *       "created": "2026-11-21T10:15:00Z",
+         *       "has_thumbnail": true,
+         *       "name": "a-mug",
+         *       "note": "before it was glued",
+         *       "pictures": 400,
+         *       "points": 184203,
+         *       "reason": "",
+         *       "size_bytes": 52411904,
+         *       "status": "finished",
+         *       "title": "A mug"
+         *     }
          */
         ScanOut: {
-            calibration: components["schemas"]["app__api__scan_models__CalibrationOut"] | null;
+            calibration: components["schemas"]["TakenWithOut"] | null;
             /** Clouds */
             clouds: components["schemas"]["CloudOut"][];
             /**
@@ -3743,6 +4776,17 @@ export interface components {
          *         addresses: for other machines, the one to recommend first; none where they cannot reach it.
          *         is_local: whether it was started for this machine only.
          *         folder: holds scans, calibrations and settings.
+         * @example {
+         *       "addresses": [
+         *         "http://192.168.1.20:8000"
+         *       ],
+         *       "folder": "/srv/turnscan",
+         *       "is_encrypted": false,
+         *       "is_local": false,
+         *       "python": "3.11.7",
+         *       "system": "Linux x86_64",
+         *       "version": "0.1.0"
+         *     }
          */
         ServerOut: {
             /** Addresses */
@@ -3768,6 +4812,10 @@ export interface components {
          *         session: name of its pictures.
          *         redo: a step that is to be done again; `solving` computes again from what there is.
          *         hands: who shows the board; by default who did.
+         * @example {
+         *       "redo": "solving",
+         *       "session": "20261120-175600"
+         *     }
          */
         SessionIn: {
             /** Hands */
@@ -3779,6 +4827,9 @@ export interface components {
         /**
          * ShowIn
          * @description A scan of the library to show; its newest cloud where none is named.
+         * @example {
+         *       "scan": "a-mug"
+         *     }
          */
         ShowIn: {
             /** Cloud */
@@ -3795,6 +4846,12 @@ export interface components {
         /**
          * SpaceOut
          * @description Room on the disk of the library; see `Space`.
+         * @example {
+         *       "bin_bytes": 52411904,
+         *       "free_bytes": 21474836480,
+         *       "upload_bytes": 17179869184,
+         *       "used_bytes": 524288000
+         *     }
          */
         SpaceOut: {
             /** Bin Bytes */
@@ -3809,6 +4866,9 @@ export interface components {
         /**
          * StageOut
          * @description What stands there.
+         * @example {
+         *       "stage": "board"
+         *     }
          */
         StageOut: {
             stage: components["schemas"]["Standing"];
@@ -3822,6 +4882,97 @@ export interface components {
         /**
          * StateOut
          * @description How everything stands: the first event of each connection, in place of whatever was known before.
+         * @example {
+         *       "bench": {
+         *         "angle_deg": 90,
+         *         "camera": {
+         *           "connected": true,
+         *           "fps": 29.9,
+         *           "frozen": false,
+         *           "lost": 0,
+         *           "name": "simulated camera",
+         *           "problem": "",
+         *           "size": [
+         *             1280,
+         *             720
+         *           ]
+         *         },
+         *         "holder": "",
+         *         "laser_facts": [
+         *           {
+         *             "channel": 1,
+         *             "colour": "red",
+         *             "name": "left"
+         *           },
+         *           {
+         *             "channel": 2,
+         *             "colour": "red",
+         *             "name": "right"
+         *           }
+         *         ],
+         *         "lasers": [
+         *           "left",
+         *           "right"
+         *         ],
+         *         "lasers_on": [
+         *           "left"
+         *         ],
+         *         "name": "my scanner",
+         *         "placed": true,
+         *         "problems": [],
+         *         "simulated": false,
+         *         "table": {
+         *           "can_stop": true,
+         *           "can_turn_steadily": true,
+         *           "driver": "horus",
+         *           "fastest_deg_s": 180,
+         *           "lasers_by_hand": false,
+         *           "port": "/dev/serial/by-id/usb-1a86_USB2.0-Serial-if00-port0",
+         *           "slowest_deg_s": 0.1125,
+         *           "smallest_deg": 0.1125,
+         *           "turns_by_itself": false
+         *         },
+         *         "turntable": "Horus 0.2"
+         *       },
+         *       "counters": {
+         *         "bytes_sent": 48211930,
+         *         "fps": 29.9,
+         *         "frames": 18112,
+         *         "live_fps": {
+         *           "overlay": 15
+         *         },
+         *         "lost": 0,
+         *         "points": 92310,
+         *         "skipped": 3,
+         *         "type": "counters",
+         *         "viewers": {
+         *           "cloud": 1,
+         *           "events": 2,
+         *           "overlay": 1
+         *         }
+         *       },
+         *       "jobs": [
+         *         {
+         *           "can_resume": false,
+         *           "created": "2026-11-21T10:15:00Z",
+         *           "done": 120,
+         *           "ended": null,
+         *           "id": "20261121-101500-scan-1",
+         *           "kind": "scan",
+         *           "note": "",
+         *           "problem": null,
+         *           "result": {},
+         *           "scan": "a-mug",
+         *           "seconds": 41.2,
+         *           "seconds_left": 96,
+         *           "state": "running",
+         *           "title": "A mug",
+         *           "total": 400,
+         *           "waits_for": ""
+         *         }
+         *       ],
+         *       "type": "state"
+         *     }
          */
         StateOut: {
             bench: components["schemas"]["BenchOut"];
@@ -3843,6 +4994,9 @@ export interface components {
         /**
          * Switch
          * @description On or off.
+         * @example {
+         *       "on": true
+         *     }
          */
         Switch: {
             /** On */
@@ -3883,12 +5037,31 @@ export interface components {
             turns_by_itself: boolean;
         };
         /**
+         * CalibrationOut
+         * @description The calibration a scan was taken with.
+         */
+        TakenWithOut: {
+            /**
+             * Created
+             * Format: date-time
+             */
+            created: string;
+            /** Expected Error Mm */
+            expected_error_mm: number | null;
+            /** Method */
+            method: string;
+        };
+        /**
          * TextureIn
          * @description A finished scan to give colours to, while its object still stands on the table.
          *
          *     Attributes:
          *         scan: its name in the library.
          *         pictures: in one turn.
+         * @example {
+         *       "pictures": 24,
+         *       "scan": "a-mug"
+         *     }
          */
         TextureIn: {
             /**
@@ -3902,6 +5075,9 @@ export interface components {
         /**
          * ThrownAway
          * @description Where a deleted scan is, until the bin is emptied.
+         * @example {
+         *       "key": "20261121-113000-a-mug"
+         *     }
          */
         ThrownAway: {
             /** Key */
@@ -3910,6 +5086,9 @@ export interface components {
         /**
          * TokenIn
          * @description What the token is for.
+         * @example {
+         *       "name": "the script in the workshop"
+         *     }
          */
         TokenIn: {
             /** Name */
@@ -3921,6 +5100,10 @@ export interface components {
          *
          *     Attributes:
          *         secret: to be sent with every request, as `Authorization: Bearer SECRET`.
+         * @example {
+         *       "name": "the script in the workshop",
+         *       "secret": "shown this once"
+         *     }
          */
         TokenMade: {
             /** Name */
@@ -3931,6 +5114,12 @@ export interface components {
         /**
          * TokenOut
          * @description A program that may use the server.
+         * @example {
+         *       "created": "2026-11-21T10:00:00Z",
+         *       "id": "9a1e04",
+         *       "last_used": null,
+         *       "name": "the script in the workshop"
+         *     }
          */
         TokenOut: {
             /**
@@ -3952,6 +5141,12 @@ export interface components {
          *     Attributes:
          *         ok: whether it is as it should be; a device that fails is answered as a problem instead.
          *         said: a sentence for each thing that was tried.
+         * @example {
+         *       "ok": true,
+         *       "said": [
+         *         "The laser left went on, and the camera sees its stripe."
+         *       ]
+         *     }
          */
         TriedOut: {
             /** Ok */
@@ -3974,6 +5169,10 @@ export interface components {
         /**
          * ViewIn
          * @description How to draw; what is absent stays.
+         * @example {
+         *       "colour": "height",
+         *       "point_size_mm": 0.4
+         *     }
          */
         ViewIn: {
             /** Colour */
@@ -3986,6 +5185,42 @@ export interface components {
         /**
          * ViewOut
          * @description What the view shows; see `Shown`.
+         * @example {
+         *       "cloud": "clouds/20261121-101720.ply",
+         *       "colour": "texture",
+         *       "crop": null,
+         *       "dark": true,
+         *       "distance_mm": 83.5,
+         *       "extent": {
+         *         "high": [
+         *           41.5,
+         *           40,
+         *           92.1
+         *         ],
+         *         "low": [
+         *           -42,
+         *           -40.5,
+         *           0.4
+         *         ]
+         *       },
+         *       "live": false,
+         *       "measured": [
+         *         [
+         *           -42,
+         *           0,
+         *           40
+         *         ],
+         *         [
+         *           41.5,
+         *           0,
+         *           40
+         *         ]
+         *       ],
+         *       "point_size_mm": 0.4,
+         *       "points": 184203,
+         *       "scan": "a-mug",
+         *       "viewers": 1
+         *     }
          */
         ViewOut: {
             /** Cloud */
@@ -4056,8 +5291,18 @@ export interface components {
             step: components["schemas"]["Step"];
         };
         /**
+         * Kind
+         * @description By what somebody is let in.
+         * @enum {string}
+         */
+        WayIn: "open" | "session" | "token";
+        /**
          * Words
          * @description What people call a scan and say of it; what is absent stays.
+         * @example {
+         *       "note": "after it was glued",
+         *       "title": "A mug, glued"
+         *     }
          */
         Words: {
             /** Note */
@@ -4068,6 +5313,9 @@ export interface components {
         /**
          * Zero
          * @description What the place where the table stands is called from now on.
+         * @example {
+         *       "angle_deg": 0
+         *     }
          */
         Zero: {
             /**
@@ -4086,17 +5334,6 @@ export interface components {
 export type AccessOut = components['schemas']['AccessOut'];
 export type AnswerOut = components['schemas']['AnswerOut'];
 export type AnyEventOut = components['schemas']['AnyEventOut'];
-export type AppAccessAccessKind = components['schemas']['app__access__access__Kind'];
-export type AppApiBenchOutLaserOut = components['schemas']['app__api__bench_out__LaserOut'];
-export type AppApiCalibrationModelsCalibrationOut = components['schemas']['app__api__calibration_models__CalibrationOut'];
-export type AppApiCalibrationModelsComparisonOut = components['schemas']['app__api__calibration_models__ComparisonOut'];
-export type AppApiCalibrationModelsLaserOut = components['schemas']['app__api__calibration_models__LaserOut'];
-export type AppApiRoutesAccessSessionOut = components['schemas']['app__api__routes__access__SessionOut'];
-export type AppApiRoutesCalibrateSessionOut = components['schemas']['app__api__routes__calibrate__SessionOut'];
-export type AppApiRoutesScanCompareComparisonOut = components['schemas']['app__api__routes__scan_compare__ComparisonOut'];
-export type AppApiScanModelsCalibrationOut = components['schemas']['app__api__scan_models__CalibrationOut'];
-export type AppJobsCalibrateStateKind = components['schemas']['app__jobs__calibrate_state__Kind'];
-export type AppLiveSettingsKind = components['schemas']['app__live__settings__Kind'];
 export type Arrow = components['schemas']['Arrow'];
 export type AxisChangeOut = components['schemas']['AxisChangeOut'];
 export type BallChangeOut = components['schemas']['BallChangeOut'];
@@ -4107,7 +5344,11 @@ export type BoardOut = components['schemas']['BoardOut'];
 export type BoxModel = components['schemas']['BoxModel'];
 export type CalibrateIn = components['schemas']['CalibrateIn'];
 export type CalibrationChangedOut = components['schemas']['CalibrationChangedOut'];
+export type CalibrationComparisonOut = components['schemas']['CalibrationComparisonOut'];
 export type CalibrationDetailOut = components['schemas']['CalibrationDetailOut'];
+export type CalibrationKind = components['schemas']['CalibrationKind'];
+export type CalibrationOut = components['schemas']['CalibrationOut'];
+export type CalibrationSessionOut = components['schemas']['CalibrationSessionOut'];
 export type CalibrationState = components['schemas']['CalibrationState'];
 export type CameraChangeOut = components['schemas']['CameraChangeOut'];
 export type CameraOut = components['schemas']['CameraOut'];
@@ -4145,10 +5386,15 @@ export type JobOut = components['schemas']['JobOut'];
 export type JobSaidOut = components['schemas']['JobSaidOut'];
 export type JobState = components['schemas']['JobState'];
 export type LaserIn = components['schemas']['LaserIn'];
+export type LaserOut = components['schemas']['LaserOut'];
+export type LaserPlaneOut = components['schemas']['LaserPlaneOut'];
 export type Line = components['schemas']['Line'];
 export type LiveIn = components['schemas']['LiveIn'];
+export type LiveKind = components['schemas']['LiveKind'];
+export type LiveMessage = components['schemas']['LiveMessage'];
 export type LiveOut = components['schemas']['LiveOut'];
 export type LoginIn = components['schemas']['LoginIn'];
+export type LoginSessionOut = components['schemas']['LoginSessionOut'];
 export type LookIn = components['schemas']['LookIn'];
 export type MeasureIn = components['schemas']['MeasureIn'];
 export type Move = components['schemas']['Move'];
@@ -4169,6 +5415,7 @@ export type ReconstructIn = components['schemas']['ReconstructIn'];
 export type ResumeIn = components['schemas']['ResumeIn'];
 export type RetryIn = components['schemas']['RetryIn'];
 export type Role = components['schemas']['Role'];
+export type ScanComparisonOut = components['schemas']['ScanComparisonOut'];
 export type ScanIn = components['schemas']['ScanIn'];
 export type ScanOut = components['schemas']['ScanOut'];
 export type ServerOut = components['schemas']['ServerOut'];
@@ -4182,6 +5429,7 @@ export type StateOut = components['schemas']['StateOut'];
 export type Step = components['schemas']['Step'];
 export type Switch = components['schemas']['Switch'];
 export type TableOut = components['schemas']['TableOut'];
+export type TakenWithOut = components['schemas']['TakenWithOut'];
 export type TextureIn = components['schemas']['TextureIn'];
 export type ThrownAway = components['schemas']['ThrownAway'];
 export type TokenIn = components['schemas']['TokenIn'];
@@ -4193,11 +5441,12 @@ export type Verdict = components['schemas']['Verdict'];
 export type ViewIn = components['schemas']['ViewIn'];
 export type ViewOut = components['schemas']['ViewOut'];
 export type ViewState = components['schemas']['ViewState'];
+export type WayIn = components['schemas']['WayIn'];
 export type Words = components['schemas']['Words'];
 export type Zero = components['schemas']['Zero'];
 export type $defs = Record<string, never>;
 export interface operations {
-    show_access_api_v1_access_get: {
+    show_access: {
         parameters: {
             query?: never;
             header?: never;
@@ -4212,7 +5461,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4221,7 +5470,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4235,7 +5484,7 @@ export interface operations {
             };
         };
     };
-    log_in_api_v1_access_login_post: {
+    log_in: {
         parameters: {
             query?: never;
             header?: never;
@@ -4254,7 +5503,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4263,7 +5512,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4277,7 +5526,7 @@ export interface operations {
             };
         };
     };
-    log_out_api_v1_access_logout_post: {
+    log_out: {
         parameters: {
             query?: never;
             header?: never;
@@ -4292,7 +5541,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4301,7 +5550,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4315,7 +5564,7 @@ export interface operations {
             };
         };
     };
-    change_password_api_v1_access_password_post: {
+    change_password: {
         parameters: {
             query?: never;
             header?: never;
@@ -4334,7 +5583,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4343,7 +5592,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4357,7 +5606,7 @@ export interface operations {
             };
         };
     };
-    list_sessions_api_v1_access_sessions_get: {
+    list_sessions: {
         parameters: {
             query?: never;
             header?: never;
@@ -4372,7 +5621,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4381,7 +5630,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4390,12 +5639,12 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["app__api__routes__access__SessionOut"][];
+                    "application/json": components["schemas"]["LoginSessionOut"][];
                 };
             };
         };
     };
-    end_session_api_v1_access_sessions__session_id__delete: {
+    end_session: {
         parameters: {
             query?: never;
             header?: never;
@@ -4412,7 +5661,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4421,7 +5670,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4430,12 +5679,12 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["app__api__routes__access__SessionOut"][];
+                    "application/json": components["schemas"]["LoginSessionOut"][];
                 };
             };
         };
     };
-    list_tokens_api_v1_access_tokens_get: {
+    list_tokens: {
         parameters: {
             query?: never;
             header?: never;
@@ -4450,7 +5699,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4459,7 +5708,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4473,7 +5722,7 @@ export interface operations {
             };
         };
     };
-    make_token_api_v1_access_tokens_post: {
+    make_token: {
         parameters: {
             query?: never;
             header?: never;
@@ -4492,7 +5741,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4501,7 +5750,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4515,7 +5764,7 @@ export interface operations {
             };
         };
     };
-    end_token_api_v1_access_tokens__token_id__delete: {
+    end_token: {
         parameters: {
             query?: never;
             header?: never;
@@ -4532,7 +5781,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4541,7 +5790,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4555,7 +5804,7 @@ export interface operations {
             };
         };
     };
-    show_bench_api_v1_bench_get: {
+    show_bench: {
         parameters: {
             query?: never;
             header?: never;
@@ -4570,7 +5819,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4579,7 +5828,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4593,7 +5842,7 @@ export interface operations {
             };
         };
     };
-    show_controls_api_v1_bench_camera_controls_get: {
+    show_controls: {
         parameters: {
             query?: never;
             header?: never;
@@ -4608,7 +5857,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4617,7 +5866,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4631,7 +5880,7 @@ export interface operations {
             };
         };
     };
-    change_controls_api_v1_bench_camera_controls_patch: {
+    change_controls: {
         parameters: {
             query?: never;
             header?: never;
@@ -4650,7 +5899,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4659,7 +5908,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4673,7 +5922,7 @@ export interface operations {
             };
         };
     };
-    find_laser_exposure_api_v1_bench_camera_find_exposure_post: {
+    find_laser_exposure: {
         parameters: {
             query?: never;
             header?: never;
@@ -4692,7 +5941,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4701,7 +5950,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4715,7 +5964,7 @@ export interface operations {
             };
         };
     };
-    connect_bench_api_v1_bench_connect_post: {
+    connect_bench: {
         parameters: {
             query?: never;
             header?: never;
@@ -4730,7 +5979,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4739,7 +5988,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4753,7 +6002,7 @@ export interface operations {
             };
         };
     };
-    talk_to_board_api_v1_bench_console_post: {
+    talk_to_board: {
         parameters: {
             query?: never;
             header?: never;
@@ -4772,7 +6021,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4781,7 +6030,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4795,7 +6044,7 @@ export interface operations {
             };
         };
     };
-    switch_laser_api_v1_bench_lasers__name__post: {
+    switch_laser: {
         parameters: {
             query?: never;
             header?: never;
@@ -4816,7 +6065,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4825,7 +6074,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4839,7 +6088,7 @@ export interface operations {
             };
         };
     };
-    hold_table_api_v1_bench_motor_post: {
+    hold_table: {
         parameters: {
             query?: never;
             header?: never;
@@ -4858,7 +6107,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4867,7 +6116,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4881,7 +6130,7 @@ export interface operations {
             };
         };
     };
-    show_stage_api_v1_bench_simulated_stage_get: {
+    show_stage: {
         parameters: {
             query?: never;
             header?: never;
@@ -4896,7 +6145,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4905,7 +6154,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4919,7 +6168,7 @@ export interface operations {
             };
         };
     };
-    set_stage_api_v1_bench_simulated_stage_post: {
+    set_stage: {
         parameters: {
             query?: never;
             header?: never;
@@ -4938,7 +6187,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4947,7 +6196,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4961,7 +6210,7 @@ export interface operations {
             };
         };
     };
-    stop_bench_api_v1_bench_stop_post: {
+    stop_bench: {
         parameters: {
             query?: never;
             header?: never;
@@ -4976,7 +6225,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -4985,7 +6234,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -4999,7 +6248,7 @@ export interface operations {
             };
         };
     };
-    turn_table_api_v1_bench_table_post: {
+    turn_table: {
         parameters: {
             query?: never;
             header?: never;
@@ -5018,7 +6267,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5027,7 +6276,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5041,7 +6290,7 @@ export interface operations {
             };
         };
     };
-    try_camera_api_v1_bench_try_camera_post: {
+    try_camera: {
         parameters: {
             query?: never;
             header?: never;
@@ -5056,7 +6305,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5065,7 +6314,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5079,7 +6328,7 @@ export interface operations {
             };
         };
     };
-    try_lasers_api_v1_bench_try_lasers_post: {
+    try_lasers: {
         parameters: {
             query?: never;
             header?: never;
@@ -5094,7 +6343,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5103,7 +6352,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5117,7 +6366,7 @@ export interface operations {
             };
         };
     };
-    try_table_api_v1_bench_try_table_post: {
+    try_table: {
         parameters: {
             query?: never;
             header?: never;
@@ -5132,7 +6381,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5141,7 +6390,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5155,7 +6404,7 @@ export interface operations {
             };
         };
     };
-    zero_table_api_v1_bench_zero_post: {
+    zero_table: {
         parameters: {
             query?: never;
             header?: never;
@@ -5174,7 +6423,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5183,7 +6432,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5197,7 +6446,7 @@ export interface operations {
             };
         };
     };
-    show_board_api_v1_boards_board_json_get: {
+    show_board: {
         parameters: {
             query?: never;
             header?: never;
@@ -5212,7 +6461,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5221,7 +6470,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5235,7 +6484,7 @@ export interface operations {
             };
         };
     };
-    print_pdf_api_v1_boards_print_pdf_get: {
+    print_pdf: {
         parameters: {
             query?: {
                 columns?: number;
@@ -5258,7 +6507,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5267,7 +6516,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5279,7 +6528,7 @@ export interface operations {
             };
         };
     };
-    print_svg_api_v1_boards_print_svg_get: {
+    print_svg: {
         parameters: {
             query?: {
                 columns?: number;
@@ -5302,7 +6551,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5311,7 +6560,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5323,7 +6572,7 @@ export interface operations {
             };
         };
     };
-    start_calibration_api_v1_calibrate_post: {
+    start_calibration: {
         parameters: {
             query?: never;
             header?: never;
@@ -5342,7 +6591,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5351,7 +6600,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5382,7 +6631,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5391,7 +6640,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5405,7 +6654,7 @@ export interface operations {
             };
         };
     };
-    continue_calibration_api_v1_calibrate__job_id__continue_post: {
+    continue_calibration: {
         parameters: {
             query?: never;
             header?: never;
@@ -5422,7 +6671,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5431,7 +6680,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5445,7 +6694,7 @@ export interface operations {
             };
         };
     };
-    take_view_api_v1_calibrate__job_id__take_post: {
+    take_view: {
         parameters: {
             query?: never;
             header?: never;
@@ -5462,7 +6711,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5471,7 +6720,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5503,7 +6752,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5512,7 +6761,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5524,7 +6773,7 @@ export interface operations {
             };
         };
     };
-    restore_view_api_v1_calibrate__job_id__views__number__restore_post: {
+    restore_view: {
         parameters: {
             query?: never;
             header?: never;
@@ -5542,7 +6791,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5551,7 +6800,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5565,7 +6814,7 @@ export interface operations {
             };
         };
     };
-    strike_view_api_v1_calibrate__job_id__views__number__strike_post: {
+    strike_view: {
         parameters: {
             query?: never;
             header?: never;
@@ -5583,7 +6832,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5592,7 +6841,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5606,7 +6855,7 @@ export interface operations {
             };
         };
     };
-    show_latest_api_v1_calibrate_latest_get: {
+    show_latest: {
         parameters: {
             query?: never;
             header?: never;
@@ -5621,7 +6870,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5630,7 +6879,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5644,7 +6893,7 @@ export interface operations {
             };
         };
     };
-    resume_calibration_api_v1_calibrate_resume_post: {
+    resume_calibration: {
         parameters: {
             query?: never;
             header?: never;
@@ -5663,7 +6912,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5672,7 +6921,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5701,7 +6950,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5710,7 +6959,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5719,12 +6968,12 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["app__api__routes__calibrate__SessionOut"][];
+                    "application/json": components["schemas"]["CalibrationSessionOut"][];
                 };
             };
         };
     };
-    list_calibrations_api_v1_calibrations_get: {
+    list_calibrations: {
         parameters: {
             query?: {
                 removed?: boolean;
@@ -5741,7 +6990,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5750,7 +6999,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5759,12 +7008,12 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["app__api__calibration_models__CalibrationOut"][];
+                    "application/json": components["schemas"]["CalibrationOut"][];
                 };
             };
         };
     };
-    show_calibration_api_v1_calibrations__name__get: {
+    show_calibration: {
         parameters: {
             query?: never;
             header?: never;
@@ -5781,7 +7030,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5790,7 +7039,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5804,7 +7053,7 @@ export interface operations {
             };
         };
     };
-    remove_calibration_api_v1_calibrations__name__delete: {
+    remove_calibration: {
         parameters: {
             query?: never;
             header?: never;
@@ -5821,7 +7070,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5830,7 +7079,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5839,12 +7088,12 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["app__api__calibration_models__CalibrationOut"];
+                    "application/json": components["schemas"]["CalibrationOut"];
                 };
             };
         };
     };
-    download_calibration_api_v1_calibrations__name__calibration_json_get: {
+    download_calibration: {
         parameters: {
             query?: never;
             header?: never;
@@ -5861,7 +7110,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5870,45 +7119,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description Successful Response */
-            200: {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content?: never;
-            };
-        };
-    };
-    download_opencv_api_v1_calibrations__name__opencv_yml_get: {
-        parameters: {
-            query?: never;
-            header?: never;
-            path: {
-                name: string;
-            };
-            cookie?: never;
-        };
-        requestBody?: never;
-        responses: {
-            /** @description What is wrong with the request. */
-            "4XX": {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Problem"];
-                };
-            };
-            /** @description What the scanner cannot do now. */
-            "5XX": {
-                headers: {
-                    [name: string]: unknown;
-                };
-                content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5920,7 +7131,7 @@ export interface operations {
             };
         };
     };
-    show_report_api_v1_calibrations__name__report_html_get: {
+    download_opencv: {
         parameters: {
             query?: never;
             header?: never;
@@ -5937,7 +7148,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5946,7 +7157,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5958,7 +7169,7 @@ export interface operations {
             };
         };
     };
-    use_calibration_api_v1_calibrations__name__use_post: {
+    show_report: {
         parameters: {
             query?: never;
             header?: never;
@@ -5975,7 +7186,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -5984,7 +7195,45 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+        };
+    };
+    use_calibration: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -5998,7 +7247,7 @@ export interface operations {
             };
         };
     };
-    restore_calibration_api_v1_calibrations_bin__name__restore_post: {
+    restore_calibration: {
         parameters: {
             query?: never;
             header?: never;
@@ -6015,7 +7264,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6024,7 +7273,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6033,12 +7282,12 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["app__api__calibration_models__CalibrationOut"];
+                    "application/json": components["schemas"]["CalibrationOut"];
                 };
             };
         };
     };
-    compare_calibrations_api_v1_calibrations_compare_get: {
+    compare_calibrations: {
         parameters: {
             query: {
                 first: string;
@@ -6056,7 +7305,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6065,7 +7314,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6074,12 +7323,12 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["app__api__calibration_models__ComparisonOut"];
+                    "application/json": components["schemas"]["CalibrationComparisonOut"];
                 };
             };
         };
     };
-    import_calibration_api_v1_calibrations_import_post: {
+    import_calibration: {
         parameters: {
             query: {
                 /** @description What the file is called. */
@@ -6107,7 +7356,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6116,7 +7365,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6130,7 +7379,7 @@ export interface operations {
             };
         };
     };
-    list_devices_api_v1_devices_get: {
+    list_devices: {
         parameters: {
             query?: never;
             header?: never;
@@ -6145,7 +7394,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6154,7 +7403,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6168,7 +7417,7 @@ export interface operations {
             };
         };
     };
-    choose_bench_api_v1_devices_choose_post: {
+    choose_bench: {
         parameters: {
             query?: never;
             header?: never;
@@ -6187,7 +7436,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6196,7 +7445,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6210,7 +7459,7 @@ export interface operations {
             };
         };
     };
-    identify_board_api_v1_devices_identify_post: {
+    identify_board: {
         parameters: {
             query?: never;
             header?: never;
@@ -6229,7 +7478,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6238,7 +7487,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6252,7 +7501,7 @@ export interface operations {
             };
         };
     };
-    stream_events_api_v1_events_stream_get: {
+    stream_events: {
         parameters: {
             query?: never;
             header?: never;
@@ -6267,7 +7516,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6276,7 +7525,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description A stream of events; the data of each is JSON of this form. `state` comes first. */
@@ -6291,7 +7540,7 @@ export interface operations {
             };
         };
     };
-    list_jobs_api_v1_jobs_get: {
+    list_jobs: {
         parameters: {
             query?: never;
             header?: never;
@@ -6306,7 +7555,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6315,7 +7564,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6329,7 +7578,7 @@ export interface operations {
             };
         };
     };
-    show_job_api_v1_jobs__job_id__get: {
+    show_job: {
         parameters: {
             query?: never;
             header?: never;
@@ -6346,7 +7595,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6355,7 +7604,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6369,7 +7618,7 @@ export interface operations {
             };
         };
     };
-    delete_job_api_v1_jobs__job_id__delete: {
+    delete_job: {
         parameters: {
             query?: never;
             header?: never;
@@ -6386,7 +7635,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6395,7 +7644,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6409,7 +7658,7 @@ export interface operations {
             };
         };
     };
-    cancel_job_api_v1_jobs__job_id__cancel_post: {
+    cancel_job: {
         parameters: {
             query?: never;
             header?: never;
@@ -6426,7 +7675,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6435,7 +7684,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6449,7 +7698,7 @@ export interface operations {
             };
         };
     };
-    download_file_api_v1_jobs__job_id__file_get: {
+    download_file: {
         parameters: {
             query?: never;
             header?: never;
@@ -6466,7 +7715,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6475,7 +7724,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6487,7 +7736,7 @@ export interface operations {
             };
         };
     };
-    show_log_api_v1_jobs__job_id__log_get: {
+    show_log: {
         parameters: {
             query?: never;
             header?: never;
@@ -6504,7 +7753,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6513,7 +7762,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6527,7 +7776,7 @@ export interface operations {
             };
         };
     };
-    pause_job_api_v1_jobs__job_id__pause_post: {
+    pause_job: {
         parameters: {
             query?: never;
             header?: never;
@@ -6544,7 +7793,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6553,7 +7802,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6567,7 +7816,7 @@ export interface operations {
             };
         };
     };
-    resume_job_api_v1_jobs__job_id__resume_post: {
+    resume_job: {
         parameters: {
             query?: never;
             header?: never;
@@ -6584,7 +7833,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6593,7 +7842,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6607,7 +7856,7 @@ export interface operations {
             };
         };
     };
-    retry_job_api_v1_jobs__job_id__retry_post: {
+    retry_job: {
         parameters: {
             query?: never;
             header?: never;
@@ -6628,7 +7877,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6637,7 +7886,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6651,7 +7900,7 @@ export interface operations {
             };
         };
     };
-    start_checkup_api_v1_jobs_checkup_post: {
+    start_checkup: {
         parameters: {
             query?: never;
             header?: never;
@@ -6670,7 +7919,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6679,7 +7928,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6693,7 +7942,7 @@ export interface operations {
             };
         };
     };
-    start_export_api_v1_jobs_export_post: {
+    start_export: {
         parameters: {
             query?: never;
             header?: never;
@@ -6712,7 +7961,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6721,7 +7970,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6735,7 +7984,7 @@ export interface operations {
             };
         };
     };
-    start_reconstruction_api_v1_jobs_reconstruct_post: {
+    start_reconstruction: {
         parameters: {
             query?: never;
             header?: never;
@@ -6754,7 +8003,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6763,7 +8012,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6777,7 +8026,7 @@ export interface operations {
             };
         };
     };
-    resume_scan_api_v1_jobs_resume_scan_post: {
+    resume_scan: {
         parameters: {
             query?: never;
             header?: never;
@@ -6796,7 +8045,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6805,7 +8054,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6819,7 +8068,7 @@ export interface operations {
             };
         };
     };
-    start_scan_api_v1_jobs_scan_post: {
+    start_scan: {
         parameters: {
             query?: never;
             header?: never;
@@ -6838,7 +8087,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6847,7 +8096,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6861,7 +8110,7 @@ export interface operations {
             };
         };
     };
-    estimate_scan_api_v1_jobs_scan_estimate_post: {
+    estimate_scan: {
         parameters: {
             query?: never;
             header?: never;
@@ -6880,7 +8129,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6889,7 +8138,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6903,7 +8152,7 @@ export interface operations {
             };
         };
     };
-    start_texture_api_v1_jobs_texture_post: {
+    start_texture: {
         parameters: {
             query?: never;
             header?: never;
@@ -6922,7 +8171,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6931,7 +8180,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -6945,14 +8194,14 @@ export interface operations {
             };
         };
     };
-    stream_pictures_api_v1_live__kind__mjpeg_get: {
+    stream_pictures: {
         parameters: {
             query?: {
                 width?: number | null;
             };
             header?: never;
             path: {
-                kind: components["schemas"]["app__live__settings__Kind"];
+                kind: components["schemas"]["LiveKind"];
             };
             cookie?: never;
         };
@@ -6964,7 +8213,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -6973,7 +8222,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description JPEG after JPEG. */
@@ -6987,7 +8236,7 @@ export interface operations {
             };
         };
     };
-    show_settings_api_v1_live_settings_get: {
+    show_settings: {
         parameters: {
             query?: never;
             header?: never;
@@ -7002,7 +8251,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7011,7 +8260,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7025,7 +8274,7 @@ export interface operations {
             };
         };
     };
-    change_settings_api_v1_live_settings_patch: {
+    change_settings: {
         parameters: {
             query?: never;
             header?: never;
@@ -7044,7 +8293,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7053,7 +8302,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7067,7 +8316,7 @@ export interface operations {
             };
         };
     };
-    list_scans_api_v1_scans_get: {
+    list_scans: {
         parameters: {
             query?: never;
             header?: never;
@@ -7082,7 +8331,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7091,7 +8340,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7105,7 +8354,7 @@ export interface operations {
             };
         };
     };
-    compare_api_v1_scans__first__compare__second__get: {
+    compare: {
         parameters: {
             query?: never;
             header?: never;
@@ -7123,7 +8372,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7132,7 +8381,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7141,12 +8390,12 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["app__api__routes__scan_compare__ComparisonOut"];
+                    "application/json": components["schemas"]["ScanComparisonOut"];
                 };
             };
         };
     };
-    show_scan_api_v1_scans__name__get: {
+    show_scan: {
         parameters: {
             query?: never;
             header?: never;
@@ -7163,7 +8412,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7172,7 +8421,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7186,7 +8435,7 @@ export interface operations {
             };
         };
     };
-    delete_scan_api_v1_scans__name__delete: {
+    delete_scan: {
         parameters: {
             query?: never;
             header?: never;
@@ -7203,7 +8452,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7212,7 +8461,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7226,7 +8475,7 @@ export interface operations {
             };
         };
     };
-    describe_scan_api_v1_scans__name__patch: {
+    describe_scan: {
         parameters: {
             query?: never;
             header?: never;
@@ -7247,7 +8496,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7256,7 +8505,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7270,7 +8519,7 @@ export interface operations {
             };
         };
     };
-    show_document_api_v1_scans__name___document__json_get: {
+    show_document: {
         parameters: {
             query?: never;
             header?: never;
@@ -7288,7 +8537,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7297,7 +8546,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7311,7 +8560,7 @@ export interface operations {
             };
         };
     };
-    download_newest_cloud_api_v1_scans__name__cloud_ply_get: {
+    download_newest_cloud: {
         parameters: {
             query?: {
                 /** @description Numbers as bytes or as text; as it is kept, where absent. */
@@ -7331,7 +8580,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7340,7 +8589,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7354,7 +8603,7 @@ export interface operations {
             };
         };
     };
-    download_cloud_api_v1_scans__name__clouds__cloud__get: {
+    download_cloud: {
         parameters: {
             query?: {
                 /** @description Numbers as bytes or as text; as it is kept, where absent. */
@@ -7375,7 +8624,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7384,7 +8633,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7398,7 +8647,7 @@ export interface operations {
             };
         };
     };
-    erase_cloud_api_v1_scans__name__clouds__cloud__delete: {
+    erase_cloud: {
         parameters: {
             query?: never;
             header?: never;
@@ -7416,7 +8665,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7425,7 +8674,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7439,7 +8688,7 @@ export interface operations {
             };
         };
     };
-    show_scan_log_api_v1_scans__name__log_get: {
+    show_scan_log: {
         parameters: {
             query?: never;
             header?: never;
@@ -7456,7 +8705,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7465,7 +8714,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7479,7 +8728,7 @@ export interface operations {
             };
         };
     };
-    show_how_cloud_was_made_api_v1_scans__name__made__cloud__get: {
+    show_how_cloud_was_made: {
         parameters: {
             query?: never;
             header?: never;
@@ -7497,7 +8746,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7506,7 +8755,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7520,7 +8769,7 @@ export interface operations {
             };
         };
     };
-    list_pictures_api_v1_scans__name__pictures_get: {
+    list_pictures: {
         parameters: {
             query?: {
                 /** @description How many to list at most. */
@@ -7544,7 +8793,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7553,7 +8802,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7567,7 +8816,7 @@ export interface operations {
             };
         };
     };
-    show_picture_api_v1_scans__name__pictures__number__get: {
+    show_picture: {
         parameters: {
             query?: {
                 /** @description No wider than that, as JPEG. */
@@ -7588,7 +8837,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7597,7 +8846,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7612,7 +8861,7 @@ export interface operations {
             };
         };
     };
-    download_recording_api_v1_scans__name__recording_zip_get: {
+    download_recording: {
         parameters: {
             query?: never;
             header?: never;
@@ -7629,7 +8878,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7638,7 +8887,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7652,7 +8901,7 @@ export interface operations {
             };
         };
     };
-    show_thumbnail_api_v1_scans__name__thumbnail_png_get: {
+    show_thumbnail: {
         parameters: {
             query?: never;
             header?: never;
@@ -7669,7 +8918,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7678,7 +8927,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7692,7 +8941,7 @@ export interface operations {
             };
         };
     };
-    list_bin_api_v1_scans_bin_get: {
+    list_bin: {
         parameters: {
             query?: never;
             header?: never;
@@ -7707,7 +8956,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7716,7 +8965,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7730,7 +8979,7 @@ export interface operations {
             };
         };
     };
-    empty_bin_api_v1_scans_bin_delete: {
+    empty_bin: {
         parameters: {
             query: {
                 /** @description How many bytes the person was told that this frees; it must be so. */
@@ -7748,7 +8997,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7757,7 +9006,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7771,7 +9020,7 @@ export interface operations {
             };
         };
     };
-    erase_scan_api_v1_scans_bin__key__delete: {
+    erase_scan: {
         parameters: {
             query: {
                 /** @description How many bytes the person was told that this frees; it must be so. */
@@ -7791,7 +9040,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7800,7 +9049,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7814,7 +9063,7 @@ export interface operations {
             };
         };
     };
-    restore_scan_api_v1_scans_bin__key__restore_post: {
+    restore_scan: {
         parameters: {
             query?: never;
             header?: never;
@@ -7831,7 +9080,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7840,7 +9089,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7854,7 +9103,7 @@ export interface operations {
             };
         };
     };
-    show_space_api_v1_scans_space_get: {
+    show_space: {
         parameters: {
             query?: never;
             header?: never;
@@ -7869,7 +9118,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7878,7 +9127,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7892,7 +9141,7 @@ export interface operations {
             };
         };
     };
-    upload_scan_api_v1_scans_upload_post: {
+    upload_scan: {
         parameters: {
             query?: {
                 /** @description What the file is called where it comes from. */
@@ -7917,7 +9166,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7926,7 +9175,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7940,7 +9189,7 @@ export interface operations {
             };
         };
     };
-    show_server_api_v1_server_get: {
+    show_server: {
         parameters: {
             query?: never;
             header?: never;
@@ -7955,7 +9204,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -7964,7 +9213,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -7978,7 +9227,7 @@ export interface operations {
             };
         };
     };
-    make_phone_code_api_v1_server_phone_code_post: {
+    make_phone_code: {
         parameters: {
             query?: never;
             header?: never;
@@ -7997,7 +9246,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -8006,7 +9255,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -8020,7 +9269,7 @@ export interface operations {
             };
         };
     };
-    show_view_api_v1_view_get: {
+    show_view: {
         parameters: {
             query?: never;
             header?: never;
@@ -8035,7 +9284,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -8044,7 +9293,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -8058,7 +9307,7 @@ export interface operations {
             };
         };
     };
-    change_view_api_v1_view_patch: {
+    change_view: {
         parameters: {
             query?: never;
             header?: never;
@@ -8077,7 +9326,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -8086,7 +9335,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -8100,7 +9349,7 @@ export interface operations {
             };
         };
     };
-    clear_view_api_v1_view_clear_post: {
+    clear_view: {
         parameters: {
             query?: never;
             header?: never;
@@ -8115,7 +9364,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -8124,7 +9373,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -8138,7 +9387,7 @@ export interface operations {
             };
         };
     };
-    crop_view_api_v1_view_crop_put: {
+    crop_view: {
         parameters: {
             query?: never;
             header?: never;
@@ -8157,7 +9406,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -8166,7 +9415,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -8180,7 +9429,7 @@ export interface operations {
             };
         };
     };
-    show_whole_cloud_api_v1_view_crop_delete: {
+    show_whole_cloud: {
         parameters: {
             query?: never;
             header?: never;
@@ -8195,7 +9444,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -8204,7 +9453,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -8218,7 +9467,7 @@ export interface operations {
             };
         };
     };
-    look_from_api_v1_view_look_post: {
+    look_from: {
         parameters: {
             query?: never;
             header?: never;
@@ -8237,7 +9486,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -8246,7 +9495,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -8258,7 +9507,7 @@ export interface operations {
             };
         };
     };
-    measure_in_view_api_v1_view_measure_post: {
+    measure_in_view: {
         parameters: {
             query?: never;
             header?: never;
@@ -8277,7 +9526,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -8286,7 +9535,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -8300,7 +9549,7 @@ export interface operations {
             };
         };
     };
-    forget_measure_api_v1_view_measure_delete: {
+    forget_measure: {
         parameters: {
             query?: never;
             header?: never;
@@ -8315,7 +9564,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -8324,7 +9573,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
@@ -8338,7 +9587,7 @@ export interface operations {
             };
         };
     };
-    show_scan_in_view_api_v1_view_show_post: {
+    show_scan_in_view: {
         parameters: {
             query?: never;
             header?: never;
@@ -8357,7 +9606,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description What the scanner cannot do now. */
@@ -8366,7 +9615,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": components["schemas"]["Problem"];
+                    "application/problem+json": components["schemas"]["Problem"];
                 };
             };
             /** @description Successful Response */
