@@ -17,8 +17,9 @@ from app.devices.bench import Bench
 from app.errors import OptionError
 from app.jobs.scan_parts import check_lasers, live_points_for, recovery_for
 from app.recording.manifest import FrameEntry
+from app.scanning.exposure_stack import check_exposures
 from app.scanning.live import LivePoints
-from app.scanning.plan import ScanPlan
+from app.scanning.plan import LONGEST_EXPOSURE_US, MOST_EXPOSURES, ScanPlan
 from app.scanning.run import Recovery, place_table, run_scan
 from app.scanning.scan import Taken
 from app.scanning.session import ScanSession
@@ -53,6 +54,12 @@ def scan_command(
     texture_every: Annotated[
         int, typer.Option(min=0, help="A picture exposed for texture at every so many stops; 0 for none.")
     ] = 0,
+    exposure: Annotated[
+        list[float] | None,
+        typer.Option(
+            min=1.0, max=LONGEST_EXPOSURE_US, help="Microseconds; repeat it for a stack of exposures."
+        ),
+    ] = None,
     calibration: Annotated[
         Path | None,
         typer.Option("-c", "--calibration", help="Its file; by default the one in use in calibration_store."),
@@ -71,6 +78,8 @@ def scan_command(
     """Scan what stands on the table. Ctrl-C keeps what was taken; --resume goes on."""
     if output is not None:
         check_output(output)
+    if exposure and len(exposure) > MOST_EXPOSURES:
+        raise OptionError(f"A stack has at most {MOST_EXPOSURES} exposures.", "Name fewer.")
     session = ScanSession.resume(out) if resume else None
     description = bench_description(bench or ("" if session is None else session.bench_spec))
     with orderly(), contextlib.ExitStack() as stack:
@@ -88,7 +97,9 @@ def scan_command(
                 plan = ScanPlan(
                     mode=mode.value, lasers=names, steps=steps, turn_deg=turn, with_dark=not no_dark,
                     texture_every=texture_every, seconds_per_turn=seconds_per_turn,
+                    exposures_us=tuple(exposure or ()),
                 )  # fmt: skip
+                check_exposures(plan, machine.camera)
                 session = ScanSession.create(out, plan, machine, bench)
             if record is not None:
                 record.save(out / _CALIBRATION)

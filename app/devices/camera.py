@@ -214,10 +214,17 @@ class Camera:
         """
         return self._controls.write(name, value)
 
-    def prepare(self, use: Use) -> None:
-        """Set the controls for pictures of one use: what differs from now and what the camera has."""
-        if use in self.settings:
-            self._controls.apply(self.settings[use])
+    def prepare(self, use: Use, *, exposure_us: float | None = None) -> None:
+        """Set the controls for pictures of one use: what differs from now and what the camera has.
+
+        Args:
+            use: see there.
+            exposure_us: instead of the one that its settings name.
+        """
+        controls = dict(self.settings[use].controls) if use in self.settings else {}
+        if exposure_us is not None:
+            controls[ControlName.EXPOSURE] = exposure_us
+        self._controls.apply(CameraSettings(controls))
 
     @property
     def _known(self) -> Intake:

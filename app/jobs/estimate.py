@@ -57,6 +57,7 @@ class Pace(BaseModel):
         mode, size: what pace it is: of another mode, or other pictures, it says nothing.
         shots: pictures that this job took.
         lit: of the whole scan, with a laser on.
+        stack: how many of these show the same, with other exposures.
         capture_s: without rests and waits.
         computing_s: of the cloud.
         bytes_per_shot: on the disk.
@@ -69,6 +70,7 @@ class Pace(BaseModel):
     size: tuple[int, int]
     shots: int
     lit: int
+    stack: int = 1
     capture_s: float
     computing_s: float = 0.0
     bytes_per_shot: float
@@ -95,13 +97,15 @@ def estimate(plan: ScanPlan, bench: Bench, earlier: Iterable[JobSnapshot]) -> Sc
         capture_s = shots * pace.capture_s / pace.shots
     else:
         capture_s = _steps_s(plan, bench, fps)
+    stack = max(1, len(plan.exposures_us))
     if pace is not None and pace.shots:
         computing_s = lit * pace.computing_s / max(pace.lit, 1)
-        points, per_shot = lit * pace.points // max(pace.lit, 1), pace.bytes_per_shot
+        points = lit * pace.points * pace.stack // (stack * max(pace.lit, 1))
+        per_shot = pace.bytes_per_shot
     else:
         pixels = size[0] * size[1]
         computing_s = shots * _COMPUTING_S_PER_MEGAPIXEL * pixels * 1e-6
-        points = round(lit * _LIT_PART * max(size))
+        points = round(lit / stack * _LIT_PART * max(size))
         is_jpeg = (
             plan.mode == "continuous" or not bench.camera.state.is_connected or bench.camera.facts.gives_jpeg
         )
@@ -121,6 +125,7 @@ def pace_of(session: ScanSession, shots_before: int, capture_s: float) -> Pace:
         size=session.writer.header.camera_size,
         shots=session.shots - shots_before,
         lit=sum(bool(entry.lasers_on) for entry in entries),
+        stack=max(1, len(session.plan.exposures_us)),
         capture_s=capture_s,
         bytes_per_shot=sum(path.stat().st_size for path in files) / max(len(files), 1),
     )
@@ -150,9 +155,9 @@ def _steps_s(plan: ScanPlan, bench: Bench, fps: float) -> float:
     fastest = bench.turntable.facts.fastest_deg_s if bench.turntable.is_connected else math.inf
     speed = fastest if 0.0 < fastest < math.inf else _USUAL_SPEED_DEG_S
     move_s = _START_AND_STOP_S + plan.turn_deg / plan.steps / speed
-    return (
-        plan.steps * (move_s + bench.description.turntable.settle_s) + plan.shots * _PERIODS_PER_PICTURE / fps
-    )
+    # A sensor takes over a new exposure a picture late.
+    periods = plan.shots * _PERIODS_PER_PICTURE + plan.steps * len(plan.exposures_us)
+    return plan.steps * (move_s + bench.description.turntable.settle_s) + periods / fps
 
 
 def _picture_facts(bench: Bench) -> tuple[tuple[int, int], float]:

@@ -21,6 +21,7 @@ from app.library.library import Library
 from app.recording.manifest import FrameEntry
 from app.recording.reader import Recording
 from app.scanning.drift import DriftReference
+from app.scanning.exposure_stack import check_exposures
 from app.scanning.live import LivePoints
 from app.scanning.plan import ScanPlan
 from app.scanning.profile import Profile
@@ -186,6 +187,7 @@ def _begun(bench: Bench, order: ScanOrder, record: CalibrationRecord | None) -> 
     try:
         bench.connect()
         check_lasers(bench, order.plan.lasers, record)
+        check_exposures(order.plan, bench.camera)
     except ScannerError:
         # A folder that was reserved for a scan that cannot begin is of no use.
         with suppress(OSError):

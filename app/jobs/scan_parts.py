@@ -62,7 +62,7 @@ def recovery_for(
 ) -> Recovery:
     """Waits for devices; finds a lost place by the markers on the table, else by the pictures."""
     rig, platter = rig_of(record), bench.description.platter
-    by_picture = PictureFinder(session.folder)
+    by_picture = PictureFinder(session.folder, is_of_stack=bool(session.plan.exposures_us))
     if rig is None or platter is None:
         return Recovery(patience_s, by_picture)
     return Recovery(patience_s, first_of(MarkerFinder(rig, platter.spec(), session.folder), by_picture))

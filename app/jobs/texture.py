@@ -64,7 +64,7 @@ def _take(job: JobContext, bench: Bench, folder: Path, pictures: int) -> None:
         job.on_cancel(bench.make_safe)
         for number, taken in enumerate(take_textures(bench, pictures, lambda angle_deg: None), start=1):
             writer.append_encoded(
-                taken.data, taken.look.role, (), taken.angle_deg, exposure_us=taken.frame.exposure_us,
+                taken.data, taken.look.role, (), taken.angle_deg, exposure_us=taken.exposure_us,
                 extra={"look": TEXTURE_LOOK, "round": round_name},
             )  # fmt: skip
             job.progress(number, pictures, f"picture {number} of {pictures}")

@@ -14,6 +14,7 @@ from app.devices.frame import Use
 from app.geometry.arrays import Floats
 from app.recording.manifest import FrameEntry
 from app.recording.reader import Recording
+from app.scanning.exposure_stack import exposure_stack
 from app.vision.stripe import Image
 
 _PICTURE_S = 3.0
@@ -37,9 +38,11 @@ class PictureFinder:
 
     Attributes:
         folder: of the recording as it grows; it must have pictures with the lasers off.
+        is_of_stack: its pictures have several exposures, and so the camera must be set to theirs.
     """
 
     folder: Path
+    is_of_stack: bool = False
 
     def __call__(self, bench: Bench, low_deg: float, high_deg: float) -> float | None:
         """The angle at which the table then stands; None where pictures do not tell. Turns the table."""
@@ -49,21 +52,28 @@ class PictureFinder:
             return None
         wanted = recording.load(entry, grey=True).image
         bench.camera.prepare(Use.LASER)
-        bench.turntable.hold(True)
-        # Believed to stand at the upper end, it is ahead of the truth by what is looked for, if at all.
-        bench.turntable.zero(high_deg)
+        is_set = self.is_of_stack and entry.exposure_us is not None
+        with exposure_stack(bench.camera, [entry.exposure_us or 0.0] if is_set else []):
+            return _found(bench, wanted, entry.angle_deg, low_deg, high_deg)
 
-        def unlike(board_deg: float, blur_px: float) -> float:
-            bench.turntable.move_to(board_deg)
-            time.sleep(bench.description.turntable.settle_s)
-            seen = bench.camera.fresh_frame(timeout_s=_PICTURE_S).image(grey=True)
-            return float(np.mean((_blurred(seen, blur_px) - _blurred(wanted, blur_px)) ** 2))
 
-        found_deg = most_alike(unlike, entry.angle_deg, entry.angle_deg + (high_deg - low_deg))
-        if found_deg is None:
-            return None
-        ahead_deg = found_deg - entry.angle_deg
-        return bench.turntable.angle_deg - ahead_deg
+def _found(bench: Bench, wanted: Image, looked_deg: float, low_deg: float, high_deg: float) -> float | None:
+    """As `PictureFinder`, with the camera as it was for the picture that is wanted."""
+    bench.turntable.hold(True)
+    # Believed to stand at the upper end, it is ahead of the truth by what is looked for, if at all.
+    bench.turntable.zero(high_deg)
+
+    def unlike(board_deg: float, blur_px: float) -> float:
+        bench.turntable.move_to(board_deg)
+        time.sleep(bench.description.turntable.settle_s)
+        seen = bench.camera.fresh_frame(timeout_s=_PICTURE_S).image(grey=True)
+        return float(np.mean((_blurred(seen, blur_px) - _blurred(wanted, blur_px)) ** 2))
+
+    found_deg = most_alike(unlike, looked_deg, looked_deg + (high_deg - low_deg))
+    if found_deg is None:
+        return None
+    ahead_deg = found_deg - looked_deg
+    return bench.turntable.angle_deg - ahead_deg
 
 
 def most_alike(unlike: Unlikeness, low_deg: float, high_deg: float) -> float | None:

@@ -86,7 +86,7 @@ class LivePoints:
         while (taken := self._waiting.get()) is not None:
             yield Shot(
                 taken.frame.image(grey=self._is_grey), taken.look.role, taken.look.lasers, taken.angle_deg,
-                time_s=taken.time_s, exposure_us=taken.frame.exposure_us, name=f"stop {taken.stop}",
+                time_s=taken.time_s, exposure_us=taken.exposure_us, name=f"stop {taken.stop}",
             )  # fmt: skip
         self._has_all = True
 

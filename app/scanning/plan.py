@@ -1,6 +1,6 @@
 """What a scan is to do."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -10,6 +10,8 @@ from app.documents import Entry
 from app.recording.shot import Role
 
 Mode = Literal["step", "continuous"]
+MOST_EXPOSURES = 8
+LONGEST_EXPOSURE_US = 10e6
 _RUN_IN_S = 1.0
 
 
@@ -26,6 +28,8 @@ class ScanPlan(Entry):
         texture_every: at every n-th stop a picture with the exposure for texture; 0 for none.
         seconds_per_turn: of a continuous scan.
         together: all lasers are lit in one picture: half the time with two, where their stripes do not cross.
+        exposures_us: of a step scan: every picture with a laser, and its partner without, is taken with each
+            of these, microseconds; none for the one exposure that the camera has for the laser.
     """
 
     mode: Mode = "step"
@@ -36,6 +40,9 @@ class ScanPlan(Entry):
     texture_every: Annotated[int, Field(ge=0)] = 0
     seconds_per_turn: Annotated[float, Field(gt=0.0, le=86_400.0)] = 30.0
     together: bool = False
+    exposures_us: Annotated[
+        tuple[Annotated[float, Field(gt=0.0, le=LONGEST_EXPOSURE_US)], ...], Field(max_length=MOST_EXPOSURES)
+    ] = ()
 
     def angle_deg(self, stop: int) -> float:
         """Where a stop is."""
@@ -43,8 +50,11 @@ class ScanPlan(Entry):
 
     def looks(self, stop: int) -> "tuple[Look, ...]":
         """What is photographed at a stop of a step scan, in order."""
-        looks = [Look(Role.TEXTURE, ())] if self.with_dark else []
-        looks += self._lit
+        looks = list(self.passes)
+        if self.exposures_us:
+            # Longest first: the first picture without a laser is the one that colours are taken from.
+            longest_first = sorted(self.exposures_us, reverse=True)
+            looks = [replace(look, exposure_us=each) for each in longest_first for look in looks]
         if self.texture_every and stop % self.texture_every == 0:
             looks.append(Look(Role.TEXTURE, (), for_colour=True))
         return tuple(looks)
@@ -52,13 +62,9 @@ class ScanPlan(Entry):
     @property
     def passes(self) -> "tuple[Look, ...]":
         """The turns of a continuous scan, in order."""
-        looks = [Look(Role.TEXTURE, ())] if self.with_dark else []
-        return (*looks, *self._lit)
-
-    @property
-    def _lit(self) -> "tuple[Look, ...]":
+        dark = [Look(Role.TEXTURE, ())] if self.with_dark else []
         groups = [self.lasers] if self.together else [(laser,) for laser in self.lasers]
-        return tuple(Look(Role.SCAN, lasers) for lasers in groups)
+        return (*dark, *(Look(Role.SCAN, lasers) for lasers in groups))
 
     @property
     def shots(self) -> int:
@@ -84,13 +90,16 @@ class Look:
         role: in the recording.
         lasers: that are lit.
         for_colour: exposed for texture rather than for the laser.
+        exposure_us: of a stack; None for the exposure of its use.
     """
 
     role: Role
     lasers: tuple[str, ...]
     for_colour: bool = False
+    exposure_us: float | None = None
 
     @property
     def key(self) -> str:
         """What it is called in the recording, so that a scan that goes on knows what it has."""
-        return "colour" if self.for_colour else "+".join(self.lasers) or "dark"
+        shown = "colour" if self.for_colour else "+".join(self.lasers) or "dark"
+        return shown if self.exposure_us is None else f"{shown}@{self.exposure_us:g}"

@@ -11,6 +11,7 @@ from app.devices.frame import Frame, Use
 from app.devices.frame_stream import FrameStream
 from app.devices.turntable import Turntable
 from app.errors import DeviceError, DeviceLost, MoveStopped, TurnBrokenOff
+from app.scanning.exposure_stack import ExposureStack, exposure_stack
 from app.scanning.pipeline import ordered_map
 from app.scanning.plan import Look, ScanPlan
 from app.scanning.steady_angle import SteadyAngle, follow
@@ -35,6 +36,7 @@ class Taken:
         stop: number of the stop; in a continuous scan, of the picture in its turn.
         angle_deg: table angle at the middle of its exposure, as told or counted.
         time_s: monotonic time of that.
+        exposure_us: how long it was exposed, where known.
     """
 
     data: bytes
@@ -43,6 +45,7 @@ class Taken:
     stop: int
     angle_deg: float
     time_s: float
+    exposure_us: float | None
 
 
 def scan_steps(
@@ -63,8 +66,12 @@ def scan_steps(
         DeviceError: a device failed; the lasers are off, and the same call goes on where this one ended.
     """
     bench.turntable.hold(True)
-    stays_lit = bench.turntable.facts.lasers_by_hand and plan.shots == plan.steps
-    with bench.lit(*plan.lasers) if stays_lit else nullcontext():
+    is_always_lit = all(look.lasers == plan.lasers for look in plan.looks(0))
+    stays_lit = bench.turntable.facts.lasers_by_hand and is_always_lit
+    with (
+        exposure_stack(bench.camera, plan.exposures_us) as stack,
+        bench.lit(*plan.lasers) if stays_lit else nullcontext(),
+    ):
         for stop in range(plan.steps):
             looks = [look for look in plan.looks(stop) if not is_taken(stop, look)]
             if not looks:
@@ -73,8 +80,9 @@ def scan_steps(
             angle_deg = bench.turntable.move_to(plan.angle_deg(stop))
             time.sleep(bench.description.turntable.settle_s)
             for look in looks:
-                frame = _photographed(bench, look, is_lit=stays_lit)
-                yield Taken(frame.encoded(), frame, look, stop, angle_deg, _middle_s(frame))
+                frame = _photographed(bench, stack, look, is_lit=stays_lit)
+                exposure_us = stack.exposure_us(look, frame)
+                yield Taken(frame.encoded(), frame, look, stop, angle_deg, _middle_s(frame), exposure_us)
 
 
 def scan_steadily(
@@ -128,7 +136,8 @@ def _one_turn(
             wanted = _between(bench, stream, angle, from_deg, ends_deg)
             for frame, data in ordered_map(lambda frame: (frame, frame.encoded("jpeg")), wanted, _DEVELOPERS):
                 middle_s = _middle_s(frame)
-                yield Taken(data, frame, look, frame.index, angle.at(middle_s), middle_s)
+                at_deg = angle.at(middle_s)
+                yield Taken(data, frame, look, frame.index, at_deg, middle_s, frame.exposure_us)
     if not table.facts.turns_by_itself:
         table.finish_turning()
 
@@ -170,11 +179,11 @@ def _between(
             yield frame
 
 
-def _photographed(bench: Bench, look: Look, *, is_lit: bool) -> Frame:
-    bench.camera.prepare(Use.TEXTURE if look.for_colour else Use.LASER)
+def _photographed(bench: Bench, stack: ExposureStack, look: Look, *, is_lit: bool) -> Frame:
+    stack.prepare(look)
     timeout_s = _PICTURE_S + _PICTURE_PERIODS / max(bench.camera.facts.fps, 1.0)
     with nullcontext() if is_lit else bench.lit(*look.lasers):
-        return bench.camera.fresh_frame(timeout_s=timeout_s)
+        return stack.fresh_frame(look, timeout_s)
 
 
 def _middle_s(frame: Frame) -> float:

@@ -139,7 +139,7 @@ class ScanSession:
             taken.look.lasers,
             taken.angle_deg,
             time_s=max(0.0, taken.time_s - self._began_s),
-            exposure_us=taken.frame.exposure_us,
+            exposure_us=taken.exposure_us,
             extra={"stop": taken.stop, "look": taken.look.key},
         )
         self._note(entry)

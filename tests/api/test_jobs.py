@@ -51,6 +51,9 @@ def test_the_next_scan_is_estimated_as_the_last_one_went(client: TestClient, sca
     assert expected["shots"] == 2 * (2 * _STEPS + 2)
     last = next(job for job in client.get(f"{API}/jobs").json() if job["kind"] == "scan")
     assert expected["points"] == pytest.approx(2 * last["result"]["points"], rel=0.01)
+    stacked = client.post(f"{API}/jobs/scan/estimate", json=wanted | {"exposures_us": [2000, 4000]}).json()
+    assert stacked["shots"] == 2 * (4 * _STEPS + 2)
+    assert stacked["points"] == pytest.approx(expected["points"], rel=0.01)
     turn = {"mode": "continuous", "seconds_per_turn": 10.0, "lasers": ["left"]}
     expected = client.post(f"{API}/jobs/scan/estimate", json=turn).json()
     assert not expected["is_measured"]

@@ -17,7 +17,8 @@ from app.jobs.runner import JobContext
 from app.jobs.scan_parts import check_lasers
 from app.jobs.texture import texture_work
 from app.library.again import own_calibration
-from app.scanning.plan import ScanPlan
+from app.scanning.exposure_stack import check_exposures
+from app.scanning.plan import LONGEST_EXPOSURE_US, MOST_EXPOSURES, ScanPlan
 from app.scanning.reconstruct import ReconstructionOptions
 from app.scanning.session import SCAN_FILE, read_plan
 from app.vision.stripe import STRIPE_DETECTORS
@@ -75,6 +76,7 @@ class ScanIn(ComputingIn):
         with_dark: pictures with the lasers off, too.
         texture_every: at every n-th stop a picture with the camera's settings for texture; 0 for none.
         together: all lasers lit in one picture.
+        exposures_us: of a step scan: every picture is taken with each of these exposures, microseconds.
     """
 
     title: Title = "Scan"
@@ -86,6 +88,9 @@ class ScanIn(ComputingIn):
     with_dark: bool = True
     texture_every: Annotated[int, Field(ge=0, le=10_000)] = 0
     together: bool = False
+    exposures_us: Annotated[
+        list[Annotated[float, Field(gt=0.0, le=LONGEST_EXPOSURE_US)]], Field(max_length=MOST_EXPOSURES)
+    ] = []
 
 
 class EstimateOut(BaseModel):
@@ -296,8 +301,11 @@ def _is_taken(served: Services, name: str) -> bool:
 def _plan(served: Services, wanted: ScanIn) -> ScanPlan:
     lasers = tuple(wanted.lasers or served.bench.lasers)
     check_lasers(served.bench, lasers, served.calibration())
-    facts = wanted.model_dump(include=set(ScanPlan.model_fields)) | {"lasers": lasers}
-    return ScanPlan.model_validate(facts)
+    facts = wanted.model_dump(include=set(ScanPlan.model_fields))
+    facts |= {"lasers": lasers, "exposures_us": tuple(wanted.exposures_us)}
+    plan = ScanPlan.model_validate(facts)
+    check_exposures(plan, served.bench.camera)
+    return plan
 
 
 def _expected(served: Services, plan: ScanPlan) -> ScanEstimate:
