@@ -1,5 +1,6 @@
 """Each kind of job in a dozen lines."""
 
+import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from app.errors import DeviceError, OutputError, PositionUnknown, ScannerError, 
 from app.jobs.estimate import pace_of
 from app.jobs.events import PointsAdded
 from app.jobs.runner import JobContext, Work
+from app.jobs.scan_log import ScanLog
 from app.jobs.scan_parts import check_lasers, live_points_for, recovery_for, rig_of
 from app.library.again import DETECTOR, reconstruct_again
 from app.library.library import Library
@@ -78,21 +80,29 @@ def scan_work(
         shots_before = session.shots
         if on_begin is not None:
             on_begin()
+        log = ScanLog(order.folder)
         with ExitStack() as stack:
+            stack.enter_context(log.following(session, record, bench.description.name))
             live = live_points_for(session, record, bench, on_profile, order.detector, order.options)
             if live is not None:
                 stack.enter_context(live)
-            watch = _ScanWatch(job, session, live)
+            watch = _ScanWatch(job, session, live, log)
             watch.begin()
             try:
                 recording = run_scan(bench, session, watch, recovery)
             except OutputError as error:
                 raise OutputError(error.where, error.problem, _GO_ON_HINT) from error
         captured_s = job.active_s
+        log.note(
+            f"All pictures are taken: {session.shots}, the last {session.shots - shots_before} "
+            f"in {captured_s:.1f} s."
+        )
+        if live is not None and live.problem:
+            log.note(f"No live points: {live.problem}")
         pace = pace_of(session, shots_before, captured_s)
         result: dict[str, Any] = {"folder": str(order.folder), "pictures": len(recording.entries)}
         if rig_of(record) is not None and record is not None:
-            result |= _reconstructed(job, recording, record, order)
+            result |= _reconstructed(job, recording, record, order, log)
             changes = {"points": result["points"], "computing_s": job.active_s - captured_s}
             pace = pace.model_copy(update=changes)
         return result | {"pace": pace.model_dump(mode="json")}
@@ -141,8 +151,8 @@ def checkup_work(bench: Bench, names: Sequence[str], scans: Path, record: Calibr
 class _ScanWatch:
     """Tells the job how the scan goes, and lets it rest between pictures."""
 
-    def __init__(self, job: JobContext, session: ScanSession, live: LivePoints | None) -> None:
-        self.job, self.session, self.live = job, session, live
+    def __init__(self, job: JobContext, session: ScanSession, live: LivePoints | None, log: ScanLog) -> None:
+        self.job, self.session, self.live, self.log = job, session, live, log
 
     def begin(self) -> None:
         """What a scan has already that is gone on with is no pace."""
@@ -155,7 +165,7 @@ class _ScanWatch:
             self.job.bus.publish(PointsAdded(self.job.id, self.live.points))
         self._tell(f"stop {taken.stop + 1} of {session.plan.steps}")
         if session.plan.mode == "step":
-            self.job.checkpoint()
+            self._rest()
         elif self.job.is_to_rest:
             # A table cannot rest in mid-turn: the turn is broken off, and taken up again later.
             raise TurnBrokenOff("the scan", "rests")
@@ -164,10 +174,20 @@ class _ScanWatch:
         if not self.job.is_to_rest:
             self.job.say(problem)
             self.job.waits(problem)
-        self.job.checkpoint()
+            self.log.note(f"Waits for a device after {self.session.shots} pictures: {problem}.")
+        self._rest()
 
     def going_on(self) -> None:
         self.job.waits("")
+        self.log.note("The scan goes on.")
+
+    def _rest(self) -> None:
+        if not self.job.is_to_rest:
+            return
+        began_s = time.monotonic()
+        self.job.checkpoint()
+        rested_s = time.monotonic() - began_s
+        self.log.note(f"Was paused for {rested_s:.0f} s, after {self.session.shots} pictures.")
 
     def _tell(self, note: str = "") -> None:
         session = self.session
@@ -210,7 +230,7 @@ def _place(bench: Bench, session: ScanSession, recovery: Recovery, *, takes_targ
 
 
 def _reconstructed(
-    job: JobContext, recording: Recording, record: CalibrationRecord, order: ScanOrder
+    job: JobContext, recording: Recording, record: CalibrationRecord, order: ScanOrder, log: ScanLog
 ) -> Mapping[str, Any]:
     cloud = order.folder / CLOUD_FILE
     run = reconstruct_recording(
@@ -230,8 +250,10 @@ def _reconstructed(
             job.progress(number, run.total, "reconstructing")
     painter.write(cloud.with_suffix(".png"))
     report = run.report()
-    for sentence in (*report.warnings, *report.doubts):
+    sentences = (*report.warnings, *report.doubts)
+    for sentence in sentences:
         job.say(sentence)
+    log.note(" ".join([f"Computed {CLOUD_FILE} with {order.detector}: {report.points} points.", *sentences]))
     return {
         "cloud": str(cloud), "points": report.points, "doubts": list(report.doubts),
         "drift": report.drift.as_json(),

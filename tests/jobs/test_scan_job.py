@@ -14,6 +14,7 @@ from app.jobs.job import JobSnapshot, JobState
 from app.jobs.recipes import ScanOrder, checkup_work, reconstruct_work, scan_work
 from app.jobs.runner import JobRunner
 from app.library.library import Library
+from app.library.log import read_log
 from app.recording.reader import Recording
 from app.scanning.plan import ScanPlan
 
@@ -52,6 +53,11 @@ def test_a_scan_job_ends_with_a_cloud(
     assert job.result["points"] > 500
     assert (folder / "cloud.ply").is_file()
     assert sum(points) > 500
+    begun, taken, computed = read_log(folder)
+    assert "12 stops in 360 degrees, 24 pictures, lasers left." in begun
+    assert "Calibration: the calibration, of " in begun
+    assert "All pictures are taken: 24" in taken
+    assert f"Computed cloud.ply with zero-crossing: {job.result['points']} points." in computed
     again = reconstruct_work(library, folder.name, record)
     job = _ended(runner, runner.submit("reconstruct", "again", again, needs_bench=False).id)
     assert job.state is JobState.DONE, job.problem
@@ -80,6 +86,14 @@ def test_a_scan_can_rest_and_go_on_and_be_cancelled(
         assert _ended(runner, job.id).state is JobState.CANCELLED
         assert _is_dark(bench)
         assert len(Recording.open(folder).entries) > seen
+    told = " ".join(read_log(folder))
+    words = [
+        "Scan begun",
+        "Calibration: none",
+        "Was paused for" if plan.mode == "step" else "The scan goes on",
+    ]
+    for each in (*words, "Ended early with"):
+        assert each in told
 
 
 def test_a_checkup_job_reports(runner: JobRunner, bench: Bench, tmp_path: Path) -> None:
