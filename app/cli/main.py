@@ -24,6 +24,7 @@ _COMMANDS = {
     "serve": "app.cli.serve:serve_command",
     "reconstruct": "app.cli.reconstruct:reconstruct_command",
     "library": "app.cli.library:library_app",
+    "measure": "app.cli.measure:measure_command",
     "simulate": "app.cli.simulate:simulate_command",
     "emulate": "app.cli.emulate:emulate_command",
     "demo": "app.cli.demo:demo_command",

@@ -1,0 +1,1 @@
+"""Sizes, fits and differences of clouds and meshes: values in, values out."""
