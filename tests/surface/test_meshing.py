@@ -1,5 +1,7 @@
 """Meshes of clouds whose surface is known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
@@ -7,8 +9,12 @@ import trimesh
 from app.errors import SurfaceError
 from app.geometry.cloud import PointCloud
 from app.geometry.mesh import TriangleMesh
+from app.surface.meshing.distance import distances_to
+from app.surface.meshing.holes import fill_holes
 from app.surface.meshing.make import make_mesh
 from app.surface.meshing.options import MeshOptions
+from app.surface.meshing.simplify import to_count, to_tolerance
+from app.surface.meshing.topology import is_watertight, pieces_of, rim_edges, with_faces
 
 RADIUS_MM = 20.0
 
@@ -36,6 +42,51 @@ def test_an_open_mesh_ends_where_the_points_end() -> None:
     assert not _is_watertight(mesh)
     assert mesh.vertices[:, 2].min() > -1.2
     assert np.abs(np.linalg.norm(mesh.vertices, axis=1) - RADIUS_MM).max() < 0.5
+
+
+def test_fewer_triangles_keep_it_closed_coloured_and_within_the_tolerance() -> None:
+    ball = _ball(15_000)
+    fine = make_mesh(ball, MeshOptions(cell_mm=1.2))
+    within = to_tolerance(fine, 0.05)
+    few = to_count(fine, 500)
+    assert len(within) < 0.5 * len(fine)
+    assert np.percentile(distances_to(within, fine.vertices.astype(np.float64)), 99) <= 0.05
+    assert 400 <= len(few) <= 500
+    for mesh in (fine, within, few):
+        assert _is_watertight(mesh)
+        assert is_watertight(mesh)
+        assert mesh.colours is not None
+        assert np.all(mesh.colours == 90)
+
+
+def test_small_holes_are_filled_and_large_ones_stay() -> None:
+    whole = make_mesh(_ball(15_000), MeshOptions(cell_mm=1.2, has_flat_base=False))
+    top, bottom = (np.argsort(sign * whole.vertices[:, 2])[:n] for sign, n in ((-1, 10), (1, 200)))
+    gone = np.isin(whole.faces, np.concatenate([top, bottom])).any(axis=1)
+    holed = with_faces(whole, whole.faces[~gone])
+    filled = fill_holes(holed, 8.0)
+    assert not is_watertight(filled)
+    assert 0 < len(rim_edges(filled)) < len(rim_edges(holed))
+    assert is_watertight(fill_holes(holed, 40.0))
+
+
+def test_islands_go_and_the_thing_stays() -> None:
+    ball = _ball(15_000)
+    speck = replace(
+        ball.select(np.arange(800)), points=ball.points[:800] * np.float32(0.1) + np.float32(30.0)
+    )
+    options = MeshOptions(cell_mm=1.0, is_closed=False, island_share=0.0)
+    both = make_mesh(PointCloud.joined([ball, speck]), options)
+    one = make_mesh(PointCloud.joined([ball, speck]), options.model_copy(update={"island_share": 0.2}))
+    assert pieces_of(both).max() > 0
+    assert pieces_of(one).max() == 0
+
+
+def test_a_flat_layer_is_refused_when_it_is_to_stand() -> None:
+    ball = _ball(5_000)
+    flat = replace(ball, points=ball.points * np.array([1.0, 1.0, 0.001], np.float32))
+    with pytest.raises(SurfaceError, match="flat layer"):
+        make_mesh(flat)
 
 
 @pytest.mark.parametrize("count", [0, 10])

@@ -15,9 +15,12 @@ from app.geometry.mesh import TriangleMesh
 from app.surface.meshing.base import foot_height, footprint
 from app.surface.meshing.contour import contour
 from app.surface.meshing.grid import Grid
+from app.surface.meshing.holes import fill_holes
 from app.surface.meshing.indicator import areas_of, level_of, solve_indicator
 from app.surface.meshing.options import MeshOptions
+from app.surface.meshing.simplify import to_count, to_tolerance
 from app.surface.meshing.snap import snap
+from app.surface.meshing.topology import welded, with_faces, without_islands
 
 Progress = Callable[[str, float], None]
 """Told what is being done, and how much of all is done, 0..1."""
@@ -25,8 +28,10 @@ Progress = Callable[[str, float], None]
 _FEWEST_POINTS = 50
 _SPACING_SAMPLE = 5_000
 _SNAP_CELLS = 1.5
-_TRIM_CELLS = 3.0
+_TRIM_CELLS = 2.0
 _COLOUR_NEIGHBOURS = 4
+# Lower things are not told from the noise of their base.
+_LEAST_CELLS = 3.0
 
 
 def make_mesh(
@@ -40,7 +45,7 @@ def make_mesh(
         progress: told how far it is.
 
     Raises:
-        SurfaceError: there are too few points with normals, or they span nothing.
+        SurfaceError: there are too few points with normals, they span nothing, or close around nothing.
     """
     options = options or MeshOptions()
     tell = progress or (lambda words, share: None)
@@ -53,7 +58,11 @@ def make_mesh(
     foot = foot_height(points)
     stands = options.is_closed and options.has_flat_base
     if stands:
-        base = footprint(grid, points, foot)
+        if np.percentile(points[:, 2], 99.0) < foot + _LEAST_CELLS * grid.cell_mm:
+            raise SurfaceError(
+                "All points lie in one flat layer.", "Make an open mesh, or scan from more sides."
+            )
+        base = footprint(grid, points, normals, foot)
         held_points = np.concatenate([points, base])
         held_normals = np.concatenate([normals, np.tile([0.0, 0.0, -1.0], (len(base), 1))])
         held_areas = np.concatenate([areas, np.full(len(base), grid.cell_mm**2)])
@@ -64,6 +73,11 @@ def make_mesh(
         # Cut off below the foot: a field that falls by one in a cell crosses zero just there.
         heights = grid.origin[2] + np.arange(grid.shape[2]) * grid.cell_mm
         np.minimum(field, ((heights - foot) / grid.cell_mm).astype(np.float32), out=field)
+    # Whatever the points leave open must not run out of the grid.
+    for axis in range(3):
+        for side in (0, -1):
+            edge = np.moveaxis(field, axis, 0)[side]
+            np.minimum(edge, -1e-3, out=edge)
     tell("finding the surface", 0.55)
     mesh, outward = contour(grid, field, 0.0)
     del field
@@ -80,6 +94,15 @@ def make_mesh(
     made = TriangleMesh(vertices.astype(np.float32), mesh.faces, _colours(vertices, tree, usable.colours))
     if not options.is_closed:
         made = _trimmed(made, tree, options.trim_mm or _TRIM_CELLS * grid.cell_mm)
+    made = without_islands(welded(made), options.island_share)
+    if not options.is_closed and options.hole_mm:
+        made = fill_holes(made, options.hole_mm)
+    tell("leaving out triangles", 0.93)
+    if options.tolerance_mm is not None:
+        made = to_tolerance(made, options.tolerance_mm)
+    if options.triangles is not None:
+        made = to_count(made, options.triangles)
+    tell("done", 1.0)
     return made
 
 
@@ -138,6 +161,4 @@ def _trimmed(mesh: TriangleMesh, tree: cKDTree, farthest_mm: float) -> TriangleM
     distances, _ = tree.query(mesh.vertices, workers=-1)
     is_near = np.asarray(distances <= farthest_mm)
     faces = mesh.faces[is_near[mesh.faces].all(axis=1)]
-    used, numbers = np.unique(faces, return_inverse=True)
-    colours = None if mesh.colours is None else mesh.colours[used]
-    return TriangleMesh(mesh.vertices[used], numbers.reshape(-1, 3).astype(np.int32), colours)
+    return with_faces(mesh, faces)

@@ -1,6 +1,6 @@
 """What sort of mesh is wanted."""
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -14,7 +14,9 @@ class MeshOptions(BaseModel):
         most_cells: of the grid; sets memory (about 60 bytes each) and time.
         is_closed: watertight; otherwise the mesh ends where the points end.
         has_flat_base: stands on a plane, at the height of the lowest points; closed meshes only.
-        trim_mm: an open mesh ends so far from the nearest point; three cells where it is not given.
+        trim_mm: an open mesh ends so far from the nearest point; two cells where it is not given.
+        hole_mm: holes of an open mesh that are no wider are closed; 0 for none.
+        island_share: pieces with less than this share of the largest one's area are left out.
         triangles: most that are wanted; all where it is not given.
         tolerance_mm: leave out triangles as long as the surface stays within this of where it was.
     """
@@ -26,6 +28,7 @@ class MeshOptions(BaseModel):
     is_closed: bool = True
     has_flat_base: bool = True
     trim_mm: Annotated[float, Field(gt=0.0)] | None = None
+    hole_mm: Annotated[float, Field(ge=0.0, le=1000.0)] = 0.0
+    island_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.01
     triangles: Annotated[int, Field(ge=4)] | None = None
     tolerance_mm: Annotated[float, Field(gt=0.0, le=10.0)] | None = None
-    method: Literal["poisson"] = "poisson"

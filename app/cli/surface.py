@@ -1,0 +1,145 @@
+"""`turnscan surface`: a cloud in, a thing out that can be printed, kept or measured."""
+
+import json
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from app.cli.console import check_output, progress_bar, say, warn
+from app.cli.surface_lines import finish_lines
+from app.errors import OptionError
+from app.surface.exports.units import Unit
+from app.surface.exports.write import CLOUD_SUFFIXES, MESH_SUFFIXES, write_cloud, write_mesh
+from app.surface.finish import Finish, Preset, finish, preset_mesh
+from app.surface.meshing.options import MeshOptions
+from app.surface.ply_reader import ply_points
+from app.surface.step import STEPS, StepDocument, parse_step
+from app.surface.thinning import MOST_POINTS, read_thinned
+
+_DOUBTFUL = 1
+_PARTS = 1000
+
+
+def surface_command(
+    cloud: Annotated[Path, typer.Argument(help="A PLY file with points, of this program or another.")],
+    output: Annotated[
+        list[Path],
+        typer.Option("-o", "--output", help=f"The mesh: {', '.join(MESH_SUFFIXES)}. May be given again."),
+    ],
+    preset: Annotated[Preset, typer.Option(help="What the thing is wanted for.")] = Preset.PRINT,
+    detail: Annotated[
+        float | None, typer.Option(help="Size of the finest detail, mm; by default as fine as the points.")
+    ] = None,
+    triangles: Annotated[int | None, typer.Option(min=4, help="Most triangles.")] = None,
+    tolerance: Annotated[
+        float | None, typer.Option(help="Leave out triangles within this distance, mm; 0 for none.")
+    ] = None,
+    is_open: Annotated[bool, typer.Option("--open", help="End the surface where the points end.")] = False,
+    no_base: Annotated[
+        bool, typer.Option("--no-base", help="Close it roundly below, without a flat base.")
+    ] = False,
+    holes: Annotated[
+        float | None, typer.Option(min=0.0, help="Close holes of an open mesh up to this width, mm.")
+    ] = None,
+    step: Annotated[
+        list[str] | None,
+        typer.Option(help="A step instead of the preset's: its kind, or kind:name=value,name=value."),
+    ] = None,
+    no_steps: Annotated[bool, typer.Option("--no-steps", help="Take the points as they are.")] = False,
+    unit: Annotated[
+        Unit, typer.Option(help="Of the numbers in the file; GLB is always in metres.")
+    ] = Unit.MM,
+    clean: Annotated[
+        Path | None, typer.Option(help=f"Write the cleaned cloud, too: {', '.join(CLOUD_SUFFIXES)}.")
+    ] = None,
+) -> int:
+    """Turn a point cloud into a mesh."""
+    _check(output, MESH_SUFFIXES, "mesh")
+    _check([clean] if clean is not None else [], CLOUD_SUFFIXES, "cloud")
+    if step and no_steps:
+        raise OptionError("--step and --no-steps contradict each other.")
+    changed: dict[str, Any] = {}
+    if is_open:
+        changed["is_closed"] = False
+    if no_base:
+        changed["has_flat_base"] = False
+    if tolerance is not None:
+        changed["tolerance_mm"] = tolerance or None
+    given = {"cell_mm": detail, "triangles": triangles, "hole_mm": holes}
+    changed |= {name: value for name, value in given.items() if value is not None}
+    order = Finish(
+        preset=preset,
+        mesh=_mesh_options(preset, changed),
+        steps=() if no_steps else tuple(map(_step, step)) if step else None,
+    )
+    points = ply_points(cloud)
+    if points > MOST_POINTS:
+        warn(
+            [f"{cloud} has {points:,} points, and {MOST_POINTS:,} at most are used: an even choice of them."]
+        )
+    with progress_bar() as show:
+        read = read_thinned(cloud)
+
+        def progress(words: str, share: float) -> None:
+            show("Making the surface", round(_PARTS * share), _PARTS, words)
+
+        done = finish([read.cloud], order, progress)
+    assert done.mesh is not None
+    for path in output:
+        write_mesh(path, done.mesh, unit)
+    if clean is not None:
+        write_cloud(clean, done.cloud)
+    report = done.report
+    say(finish_lines(report, done.mesh))
+    warn(report.notes)
+    warn(report.doubts, is_doubt=True)
+    printing = report.printing
+    if printing is not None:
+        bad = [f"{finding.sentence} {finding.advice}" for finding in printing.findings if finding.advice]
+        warn(bad, is_doubt=not printing.is_printable)
+    written = [*map(str, output), *([] if clean is None else [str(clean)])]
+    say([f"Written          {', '.join(written)}"])
+    return _DOUBTFUL if report.doubts or (printing is not None and not printing.is_printable) else 0
+
+
+def _check(paths: list[Path], known: tuple[str, ...], what: str) -> None:
+    for path in paths:
+        if path.suffix.lower() not in known:
+            raise OptionError(
+                f"{path}: that is no form of a {what}.", f"Name a file that ends in {', '.join(known)}."
+            )
+        check_output(path)
+
+
+def _mesh_options(preset: Preset, changed: dict[str, Any]) -> MeshOptions:
+    try:
+        return MeshOptions.model_validate(preset_mesh(preset).model_dump() | changed)
+    except ValueError as error:
+        names = {"cell_mm": "--detail", "tolerance_mm": "--tolerance", "hole_mm": "--holes"}
+        place = next(name for name in changed if name in str(error))
+        raise OptionError(f"{names.get(place, place)} cannot be {changed[place]}.") from None
+
+
+def _step(text: str) -> StepDocument:
+    """`radius-outliers` or `quality:least=0.5,most_sigma_mm=0.2`."""
+    kind, _, settings = text.partition(":")
+    document: StepDocument = {"kind": kind}
+    for part in filter(None, settings.split(",")):
+        name, equals, value = part.partition("=")
+        if not equals:
+            raise OptionError(
+                f"--step {text!r}: {part!r} is no setting.", "Write kind:name=value,name=value."
+            )
+        document[name] = _value(value)
+    if kind not in STEPS:
+        raise OptionError(f"There is no step called {kind[:60]!r}.", f"There are: {', '.join(STEPS)}.")
+    parse_step(document)
+    return document
+
+
+def _value(text: str) -> object:
+    try:
+        return json.loads(text)
+    except json.JSONDecodeError:
+        return text

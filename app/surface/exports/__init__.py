@@ -1,0 +1,1 @@
+"""Meshes and clouds as other programs want them."""

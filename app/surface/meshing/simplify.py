@@ -1,0 +1,63 @@
+"""Fewer triangles: so many, or as few as a tolerance allows."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from app.geometry.mesh import TriangleMesh
+from app.surface.meshing.distance import distances_to
+from app.surface.meshing.topology import is_watertight
+
+_STEP = 0.6
+_FEWEST = 100
+_MEASURED_POINTS = 30_000
+# Of the points that were measured; single ones stand at edges that no triangle of that size can follow.
+_WITHIN_PERCENTILE = 99.5
+
+
+def to_count(mesh: TriangleMesh, triangles: int) -> TriangleMesh:
+    """A mesh of at most so many triangles; as few as can be where it would lose its closedness before."""
+    if len(mesh) <= triangles:
+        return mesh
+    fewer = _reduced(mesh, triangles)
+    if not is_watertight(mesh) or is_watertight(fewer):
+        return fewer
+    # What goes wrong in one leap goes well in steps, or stops where it does not.
+    kept = mesh
+    while len(kept) > triangles:
+        fewer = _reduced(kept, max(triangles, int(_STEP * len(kept))))
+        if not is_watertight(fewer) or len(fewer) >= len(kept):
+            break
+        kept = fewer
+    return kept
+
+
+def to_tolerance(mesh: TriangleMesh, tolerance_mm: float) -> TriangleMesh:
+    """The mesh of fewest triangles, in steps, whose surface lies within a distance of where it was.
+
+    The distance is measured from the vertices that there were: 99.5 of 100 lie within it.
+    """
+    must_close = is_watertight(mesh)
+    asked = mesh.vertices[:: -(-len(mesh.vertices) // _MEASURED_POINTS) or 1].astype(np.float64)
+    kept = mesh
+    while len(kept) > _FEWEST:
+        fewer = _reduced(kept, int(_STEP * len(kept)))
+        if len(fewer) >= 0.95 * len(kept) or (must_close and not is_watertight(fewer)):
+            break
+        if np.percentile(distances_to(fewer, asked), _WITHIN_PERCENTILE) > tolerance_mm:
+            break
+        kept = fewer
+    return kept
+
+
+def _reduced(mesh: TriangleMesh, triangles: int) -> TriangleMesh:
+    # Loaded here: few commands need it.
+    import fast_simplification
+
+    vertices, faces = fast_simplification.simplify(
+        mesh.vertices.astype(np.float64), mesh.faces, target_count=triangles
+    )[:2]
+    colours = None
+    if mesh.colours is not None:
+        _, nearest = cKDTree(mesh.vertices).query(vertices, workers=-1)
+        colours = mesh.colours[nearest]
+    return TriangleMesh(vertices.astype(np.float32), faces.astype(np.int32), colours)
