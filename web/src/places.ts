@@ -41,7 +41,7 @@ export const places: readonly Place[] = [
 
 /** Where a job of a kind is looked after. */
 export function placeOfJob(kind: string): string {
-  if (kind === "checkup") return "/settings";
+  if (kind === "checkup") return "/settings/doctor";
   if (kind.startsWith("calibrat")) return "/calibrate";
   return kind === "scan" || kind === "texture" ? "/scan" : "/library";
 }

@@ -11,10 +11,19 @@ export interface Preferences {
   quality: Quality;
   /** Tell when a long job has ended, where the browser may. */
   notify: boolean;
+  /** A tone when a long job has ended. */
+  sounds: boolean;
 }
 
 const KEY = "turnscan.preferences";
-const usual: Preferences = { theme: "auto", language: "auto", unit: "mm", quality: "normal", notify: false };
+const usual: Preferences = {
+  theme: "auto",
+  language: "auto",
+  unit: "mm",
+  quality: "normal",
+  notify: false,
+  sounds: true,
+};
 
 function read(): Preferences {
   try {

@@ -15,6 +15,8 @@ const HOME = "/scan";
 
 export function parse(url: URL): Route {
   const [place = "", ...rest] = url.pathname.split("/").filter(Boolean).map(decodeURIComponent);
+  // First set-up is a part of the settings with an address of its own.
+  if (place === "setup") return { place: "settings", rest: ["setup", ...rest], query: url.searchParams };
   const isKnown = (PLACES as readonly string[]).includes(place) || (place === "kit" && import.meta.env.DEV);
   return { place: isKnown ? (place as PlaceName) : "lost", rest, query: url.searchParams };
 }

@@ -4,8 +4,15 @@ import { announce, tell } from "../notices.svelte";
 import { preferences } from "../preferences.svelte";
 import { hasEnded } from "../state";
 import { onNews } from "../store.svelte";
+import { allowChime, chime } from "./chime";
+import { tellInTitle } from "./ended.svelte";
 
 export function tellOfEnds(): () => void {
+  const ends = [allowChime(), listen()];
+  return () => ends.forEach((end) => end());
+}
+
+function listen(): () => void {
   return onNews((news, before) => {
     if (news.type === "notice") {
       tell({ tone: "warning", sentence: news.text, hint: news.hint, isForeign: true });
@@ -26,8 +33,10 @@ export function tellOfEnds(): () => void {
   });
 }
 
-/** Beside the page, where it is not looked at, the person wants it and the browser can. */
+/** A tone, the title, and beside the page where it is not looked at, the person wants it and the browser can. */
 function notify(sentence: string) {
+  if (preferences.now.sounds) chime();
+  tellInTitle(sentence);
   if (!preferences.now.notify || document.visibilityState === "visible") return;
   if (!("Notification" in window) || Notification.permission !== "granted") return;
   new Notification("Turnscan", { body: sentence, icon: "/icons/icon-192.png", lang: language.now });

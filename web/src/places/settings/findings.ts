@@ -1,0 +1,69 @@
+/** What the doctor said, put together from checkups of everything and of single groups. Pure. */
+import type { JobOut } from "../../api/schema.gen";
+
+export type FindingState = "ok" | "attention" | "bad" | "skipped";
+
+export interface Finding {
+  /** Such as `turntable.direction`; the part before the dot is its group. */
+  check: string;
+  state: FindingState;
+  sentence: string;
+  advice: string;
+  numbers: Record<string, number | string | null>;
+}
+
+export const GROUPS = ["board", "camera", "machine", "lasers", "picture", "turntable"] as const;
+export type Group = (typeof GROUPS)[number];
+
+export interface Examined {
+  group: Group;
+  findings: readonly Finding[];
+  /** When; empty where it never was. */
+  at: string;
+}
+
+export function groupOf(finding: Finding): string {
+  return finding.check.split(".", 1)[0] ?? "";
+}
+
+/** Each group as it was found last. */
+export function examined(jobs: readonly JobOut[], bench: string): Examined[] {
+  const done = jobs.filter(
+    (job) => job.kind === "checkup" && job.state === "done" && job.result.bench === bench,
+  );
+  const told = done.map((job) => ({
+    at: job.ended ?? job.created,
+    findings: (job.result.findings as Finding[] | undefined) ?? [],
+  }));
+  return GROUPS.map((group) => {
+    const newest = told.find(({ findings }) => findings.some((each) => groupOf(each) === group));
+    const findings = newest?.findings.filter((each) => groupOf(each) === group) ?? [];
+    return { group, findings, at: newest?.at ?? "" };
+  });
+}
+
+const WORST: readonly FindingState[] = ["bad", "attention", "ok", "skipped"];
+
+export function worst(findings: readonly Finding[]): FindingState | null {
+  return WORST.find((state) => findings.some((each) => each.state === state)) ?? null;
+}
+
+/** `latency_ms` is "latency" in ms. */
+export function nameAndUnit(key: string): [name: string, unit: string] {
+  const units: Record<string, string> = {
+    ms: "ms",
+    us: "µs",
+    s: "s",
+    deg: "°",
+    deg_s: "°/s",
+    px: "px",
+    mm: "mm",
+    fps: "/s",
+    bytes: "B",
+  };
+  for (const ending of ["deg_s", ...Object.keys(units)]) {
+    if (key.endsWith(`_${ending}`))
+      return [key.slice(0, -ending.length - 1).replaceAll("_", " "), units[ending]!];
+  }
+  return [key.replaceAll("_", " "), ""];
+}
