@@ -3,6 +3,7 @@ import { api, asked } from "../../api/client";
 import type { CalibrateIn, JobOut, Standing, Step } from "../../api/schema.gen";
 import { t } from "../../i18n/index.svelte";
 import { attempt, confirm } from "../../notices.svelte";
+import { go } from "../../router.svelte";
 import { tellJob } from "../../shell/actions";
 import { hasEnded } from "../../state";
 import { dispatch } from "../../store.svelte";
@@ -14,6 +15,8 @@ export function begin(order: CalibrateIn): Promise<boolean> {
   return attempt(async () => {
     const job = await asked(api.POST("/api/v1/calibrate", { body: order }));
     dispatch({ type: "job-changed", job });
+    // Its end is shown here, and not how to begin another.
+    await go("/calibrate", { replace: true });
   });
 }
 
