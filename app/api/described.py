@@ -20,6 +20,7 @@ TAGS: Final = [
         ("jobs", "Whatever takes long: ordered, followed, paused, cancelled, taken up again."),
         ("live", "What the camera sees now, and what is made of it."),
         ("scans", "The library: recordings and clouds, the bin, uploads and downloads."),
+        ("surface", "Clouds after the scan: cleaned in steps, and measured."),
         ("server", "The server itself: its version, its addresses, a code that lets a phone in."),
         ("view", "What the 3D view shows, and how."),
     )

@@ -234,6 +234,44 @@ EXAMPLES: Final[dict[str, Any]] = {
     "StageOut": {"stage": "board"},
     "StateOut": {"type": "state", "bench": _BENCH, "jobs": [_JOB], "counters": _COUNTERS},
     "Switch": {"on": True},
+    "StepKindOut": {
+        "kind": "quality", "words": "Keeps points by what the scan itself knows of them.",
+        "settings": {"type": "object", "properties": {"least": {"type": "number", "default": 0.3}}},
+    },
+    "CleaningIn": {"scan": "a-mug", "steps": [{"kind": "statistical-outliers"}, {"kind": "table"}]},
+    "CleaningOut": {
+        "scan": "a-mug", "cloud": "clouds/20261121-101720.ply", "points": 184_203, "left": 160_518,
+        "share": 0.5, "shown": True,
+        "effects": [
+            {"kind": "statistical-outliers", "before": 92_102, "after": 91_020, "taken": 2_164, "note": ""},
+            {"kind": "table", "before": 91_020, "after": 80_259, "taken": 21_522, "note": ""},
+        ],
+    },
+    "SurfaceMeasureIn": {
+        "scan": "a-mug", "steps": [{"kind": "cylinder", "bottom_mm": 10.0, "top_mm": 60.0}],
+        "shape": "cylinder", "ends": [[-40.0, 0.0, 40.0], [40.0, 0.0, 40.0]], "against": {"scan": "a-mug-2"},
+    },
+    "SurfaceMeasuresOut": {
+        "points": 120_400, "whole": 184_203, "shown": True,
+        "size": {
+            "low_mm": [-40.1, -40.0, 10.0], "high_mm": [40.0, 40.1, 60.0], "extent_mm": [80.1, 80.1, 50.0],
+            "smallest_mm": [80.1, 80.0, 50.0], "turned_deg": 12.5, "area_mm2": None, "volume_mm3": None,
+        },
+        "fit": {
+            "kind": "cylinder", "centre_mm": [0.02, -0.01, 35.0], "direction": [0.0, 0.0, 1.0],
+            "radius_mm": 40.02, "diameter_mm": 80.04, "rms_mm": 0.031, "robust_mm": 0.033, "used": 118_900,
+            "given": 120_400,
+        },
+        "distance": {
+            "start_mm": [-40.0, 0.0, 40.0], "end_mm": [40.0, 0.0, 40.0], "distance_mm": 80.0,
+            "moved_mm": [0.1, 0.1],
+        },
+        "deviation": {
+            "points": 120_400, "signed": True, "mean_mm": 0.01, "median_mm": 0.01, "median_away_mm": 0.03,
+            "rms_mm": 0.05, "p95_mm": 0.1, "largest_mm": 1.2, "scale_mm": 0.1,
+            "histogram": {"edges_mm": [-0.1, 0.0, 0.1], "counts": [58_200, 62_200]},
+        },
+    },
     "TextureIn": {"scan": "a-mug", "pictures": 24},
     "ThrownAway": {"key": "20261121-113000-a-mug"},
     "TokenIn": {"name": "the script in the workshop"},

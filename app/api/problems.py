@@ -28,11 +28,13 @@ from app.errors import (
     OutputError,
     PasswordUnfit,
     PersonNeeded,
+    PointCloudFileError,
     RecordingError,
     RefusedHere,
     ScanBusy,
     ScannerError,
     ScanNotFound,
+    SurfaceError,
     TooLarge,
     TooManyAttempts,
 )
@@ -54,6 +56,8 @@ _STATUS: tuple[tuple[type[ScannerError], HTTPStatus], ...] = (
     (CalibrationFileError, HTTPStatus.UNPROCESSABLE_ENTITY),
     (CalibrationError, HTTPStatus.UNPROCESSABLE_ENTITY),
     (OptionError, HTTPStatus.UNPROCESSABLE_ENTITY),
+    (SurfaceError, HTTPStatus.UNPROCESSABLE_ENTITY),
+    (PointCloudFileError, HTTPStatus.UNPROCESSABLE_ENTITY),
     (NotLetIn, HTTPStatus.UNAUTHORIZED),
     (RefusedHere, HTTPStatus.FORBIDDEN),
     (PersonNeeded, HTTPStatus.FORBIDDEN),
@@ -127,6 +131,9 @@ def answer_of(error: ScannerError) -> JSONResponse:
     answer = _answer(error.code, error.message, status, error.hint)
     if status == HTTPStatus.UNAUTHORIZED:
         answer.headers["WWW-Authenticate"] = 'Bearer realm="turnscan"'
+    if status == HTTPStatus.REQUEST_ENTITY_TOO_LARGE:
+        # Whatever is still on its way is not read.
+        answer.headers["Connection"] = "close"
     if isinstance(error, TooManyAttempts):
         answer.headers["Retry-After"] = str(error.wait_s)
     return answer

@@ -15,7 +15,9 @@ from app.surface.view_direction import knows_angles, towards_camera
 _NEIGHBOURS = 12
 # A neighbourhood that is so much longer than wide is a line, and has no normal.
 _LEAST_WIDTH = 1e-4
-_MOST_PATCHES = 30_000
+# Neighbourhoods that are worked on at once: they stay in the processor's cache.
+_IN_CACHE = 8_192
+_MOST_PATCHES = 20_000
 _PATCH_SPACINGS = 5.0
 _PATCH_NEIGHBOURS = 8
 _EXTREME = 0.01
@@ -69,15 +71,21 @@ def least_spread(places: Places, neighbours: int = _NEIGHBOURS) -> NDArray[np.fl
     """(M, 3) unit vectors, either way round, in which the neighbours of each place spread least."""
     found = np.zeros((len(places), 3), np.float32)
     x, y, z = np.ascontiguousarray(places.points.T)
-    for part, distances, numbers in places.nearest(min(neighbours, len(places))):
-        spread = np.zeros((6, len(distances)))
-        columns = [axis[numbers] for axis in (x, y, z)]
-        for column in columns:
-            column -= column.mean(axis=1, keepdims=True)
-        for number, (one, other) in enumerate(((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))):
-            spread[number] = np.einsum("nk,nk->n", columns[one], columns[other])
-        found[part] = _smallest_eigenvector(spread)
+    for part, _, numbers in places.nearest(min(neighbours, len(places))):
+        for start in range(0, len(numbers), _IN_CACHE):
+            near = numbers[start : start + _IN_CACHE]
+            columns = [axis[near] for axis in (x, y, z)]
+            first = part.start + start
+            found[first : first + len(near)] = _smallest_eigenvector(_spreads(columns))
     return found
+
+
+def _spreads(columns: list[Floats]) -> Floats:
+    """(6, N) sums of products of x, y and z (N, K) about their mean: xx, yy, zz, xy, xz, yz."""
+    for column in columns:
+        column -= column.mean(axis=1, keepdims=True)
+    pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    return np.stack([np.einsum("nk,nk->n", columns[one], columns[other]) for one, other in pairs])
 
 
 def _smallest_eigenvector(spread: Floats) -> Floats:

@@ -44,7 +44,9 @@ class StepPreview:
     effects: tuple[StepEffect, ...]
 
 
-def preview_steps(cloud: PointCloud, steps: Sequence[Step], most: int = PREVIEW_POINTS) -> StepPreview:
+def preview_steps(
+    cloud: PointCloud, steps: Sequence[Step], most: int = PREVIEW_POINTS, whole: int | None = None
+) -> StepPreview:
     """Apply steps to an even choice of points.
 
     What depends on how dense the points lie is adapted; steps that make new points (`thin`) take fewer from a
@@ -52,13 +54,14 @@ def preview_steps(cloud: PointCloud, steps: Sequence[Step], most: int = PREVIEW_
 
     Args:
         most: points of the copy.
+        whole: points of the cloud, where the one that is given is an even choice already.
 
     Raises:
         SurfaceError: a step makes no sense for this cloud.
     """
     step = max(1, -(-len(cloud) // most))
     copy = cloud.select(np.arange(0, len(cloud), step)) if step > 1 else cloud
-    share = len(copy) / len(cloud) if len(cloud) else 1.0
+    share = len(copy) / (whole or len(cloud)) if len(copy) else 1.0
     effects = []
     for each in steps:
         fitting = each.for_share(share)

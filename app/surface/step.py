@@ -16,7 +16,7 @@ class Step(BaseModel):
     cloud is all that needs to be kept, and taking one back is leaving it out.
     """
 
-    model_config = ConfigDict(frozen=True, extra="forbid")
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     def apply(self, cloud: PointCloud) -> PointCloud:
         """The changed cloud; the one that was given stays as it is.

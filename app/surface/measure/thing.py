@@ -49,8 +49,15 @@ def read_thing(path: Path, most: int = MOST_POINTS) -> Thing:
     Raises:
         PointCloudFileError: it cannot be read.
     """
-    if is_mesh_file(path):
-        return _read_mesh(path)
+    return _read_mesh(path) if is_mesh_file(path) else read_cloud(path, most)
+
+
+def read_cloud(path: Path, most: int = MOST_POINTS) -> PointCloud:
+    """The points of a PLY file; of more than `most` every so many-th is taken.
+
+    Raises:
+        PointCloudFileError: it cannot be read.
+    """
     file = PlyFile.open(path)
     step = max(1, -(-file.points // most))
     kept, done = [PointCloud.empty(file.laser_names)], 0

@@ -33,7 +33,7 @@ class Cylinder(Step):
     )
 
     def apply(self, cloud: PointCloud) -> PointCloud:
-        x, y, z = cloud.points.T
+        x, y, z = cloud.points.T.astype(np.float64)
         inside = np.hypot(x - self.centre_mm[0], y - self.centre_mm[1]) <= self.radius_mm
         inside &= (z >= self.bottom_mm) & (z <= self.top_mm)
         return cloud.select(inside if self.keep == "inside" else ~inside)

@@ -44,17 +44,18 @@ class Lasso(Step):
         inside = np.zeros(len(cloud), np.bool_)
         if len(self.polygon) >= 3:
             matrix, polygon = np.array(self.view), np.array(self.polygon)
-            for start in range(0, len(cloud), _AT_ONCE):
-                part = slice(start, start + _AT_ONCE)
-                inside[part] = _seen_inside(cloud.points[part], matrix, polygon)
+            # A point at the end of the world is seen nowhere.
+            with np.errstate(all="ignore"):
+                for start in range(0, len(cloud), _AT_ONCE):
+                    part = slice(start, start + _AT_ONCE)
+                    inside[part] = _seen_inside(cloud.points[part], matrix, polygon)
         return cloud.select(inside if self.keep == "inside" else ~inside)
 
 
 def _seen_inside(points: NDArray[np.float32], matrix: Floats, polygon: Floats) -> NDArray[np.bool_]:
     """(N,) which of points (N, 3) the view shows within the polygon."""
     seen = points @ matrix[:, :3].T + matrix[:, 3]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u, v = (seen[:, :2] / seen[:, 3:]).T
+    u, v = (seen[:, :2] / seen[:, 3:]).T
     low, high = polygon.min(axis=0), polygon.max(axis=0)
     inside = (seen[:, 3] > 0.0) & (u >= low[0]) & (u <= high[0]) & (v >= low[1]) & (v <= high[1])
     which = np.flatnonzero(inside)

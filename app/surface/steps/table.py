@@ -19,6 +19,7 @@ _LEAST_UPRIGHT = np.cos(np.radians(4.0))
 _FIT_SAMPLE = 20_000
 # The foot is where points stand this high above the table.
 _FOOT_MM, _CELL_MM = 4.0, 1.0
+_MOST_CELLS = 1e6
 
 
 class Table(Step):
@@ -82,7 +83,9 @@ def _beneath(points: Floats, foot: Floats) -> NDArray[np.bool_]:
     if not len(points) or not len(foot):
         return np.zeros(len(points), np.bool_)
     low = np.minimum(points[:, :2].min(axis=0), foot[:, :2].min(axis=0)) - 2.0 * _CELL_MM
-    places, stands = (((each[:, :2] - low) / _CELL_MM).astype(np.int64) for each in (points, foot))
+    places, stands = (
+        np.minimum((each[:, :2] - low) / _CELL_MM, _MOST_CELLS).astype(np.int64) for each in (points, foot)
+    )
     width = int(max(places[:, 1].max(), stands[:, 1].max())) + 3
     taken = np.unique(stands[:, 0] * width + stands[:, 1])
     around = np.unique(taken[:, None] + np.array([a * width + b for a in (-1, 0, 1) for b in (-1, 0, 1)]))

@@ -1269,6 +1269,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/jobs/surface": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Start surface
+         * @description Clean a cloud and make its surface; `GET /scans/{name}/meshes` lists what came of it.
+         */
+        post: operations["start_surface"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/jobs/texture": {
         parameters: {
             query?: never;
@@ -1505,6 +1525,66 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/scans/{name}/meshes": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List meshes
+         * @description Those that were made of its clouds, oldest first; `POST /jobs/surface` makes one.
+         */
+        get: operations["list_meshes"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/scans/{name}/meshes/{mesh}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * Download mesh
+         * @description One of its meshes, made into the form that is asked for.
+         */
+        get: operations["download_mesh"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/scans/{name}/meshes/{mesh}/show": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Show mesh
+         * @description Show it in the 3D view; of very fine ones a coarser likeness.
+         */
+        post: operations["show_mesh"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/scans/{name}/pictures": {
         parameters: {
             query?: never;
@@ -1729,6 +1809,66 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/surface/measure": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Measure surface
+         * @description Measure a cloud: its size, a fitted shape, a distance, its difference from another cloud.
+         */
+        post: operations["measure_surface"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/surface/preview": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Try surface steps
+         * @description Try steps on a thinned copy of a cloud: how many points each would take. Nothing is kept.
+         */
+        post: operations["try_surface_steps"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/surface/steps": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List surface steps
+         * @description Every kind of step, by name.
+         */
+        get: operations["list_surface_steps"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/view": {
         parameters: {
             query?: never;
@@ -1885,6 +2025,16 @@ export interface components {
             is_let_in: boolean;
             /** Password Is Set */
             password_is_set: boolean;
+        };
+        /**
+         * AgainstIn
+         * @description A cloud to compare with, the newest of its scan where none is named.
+         */
+        AgainstIn: {
+            /** Cloud */
+            cloud?: string | null;
+            /** Scan */
+            scan: string;
         };
         /**
          * AnswerOut
@@ -3115,6 +3265,85 @@ export interface components {
             [key: string]: unknown;
         };
         /**
+         * CleaningIn
+         * @description Steps to try on a cloud of a scan, its newest where none is named; `shows`: in the 3D view, too.
+         * @example {
+         *       "scan": "a-mug",
+         *       "steps": [
+         *         {
+         *           "kind": "statistical-outliers"
+         *         },
+         *         {
+         *           "kind": "table"
+         *         }
+         *       ]
+         *     }
+         */
+        CleaningIn: {
+            /** Cloud */
+            cloud?: string | null;
+            /** Scan */
+            scan: string;
+            /**
+             * Shows
+             * @default true
+             */
+            shows?: boolean;
+            /** Steps */
+            steps: {
+                [key: string]: unknown;
+            }[];
+        };
+        /**
+         * CleaningOut
+         * @description What steps would do, tried on a thinned copy; `share` is its part of all points.
+         *
+         *     Attributes:
+         *         points: of the whole cloud.
+         *         left: points that would be left of them.
+         *         shown: whether the 3D view shows the copy; it does not while it shows a scan that goes on.
+         * @example {
+         *       "cloud": "clouds/20261121-101720.ply",
+         *       "effects": [
+         *         {
+         *           "after": 91020,
+         *           "before": 92102,
+         *           "kind": "statistical-outliers",
+         *           "note": "",
+         *           "taken": 2164
+         *         },
+         *         {
+         *           "after": 80259,
+         *           "before": 91020,
+         *           "kind": "table",
+         *           "note": "",
+         *           "taken": 21522
+         *         }
+         *       ],
+         *       "left": 160518,
+         *       "points": 184203,
+         *       "scan": "a-mug",
+         *       "share": 0.5,
+         *       "shown": true
+         *     }
+         */
+        CleaningOut: {
+            /** Cloud */
+            cloud: string;
+            /** Effects */
+            effects: components["schemas"]["StepEffectOut"][];
+            /** Left */
+            left: number;
+            /** Points */
+            points: number;
+            /** Scan */
+            scan: string;
+            /** Share */
+            share: number;
+            /** Shown */
+            shown: boolean;
+        };
+        /**
          * CloudOut
          * @description A cloud of a scan; see `CloudItem`.
          *
@@ -3311,6 +3540,31 @@ export interface components {
             lowest_mm?: number | null;
             /** Radius Mm */
             radius_mm?: number | null;
+        };
+        /**
+         * DeviationMapOut
+         * @description How the points lie to another cloud; see `DeviationMap`.
+         */
+        DeviationMapOut: {
+            histogram: components["schemas"]["HistogramOut"];
+            /** Largest Mm */
+            largest_mm: number;
+            /** Mean Mm */
+            mean_mm: number;
+            /** Median Away Mm */
+            median_away_mm: number;
+            /** Median Mm */
+            median_mm: number;
+            /** P95 Mm */
+            p95_mm: number;
+            /** Points */
+            points: number;
+            /** Rms Mm */
+            rms_mm: number;
+            /** Scale Mm */
+            scale_mm: number;
+            /** Signed */
+            signed: boolean;
         };
         /**
          * DeviationOut
@@ -3523,6 +3777,30 @@ export interface components {
             pictures: number;
         };
         /**
+         * FitOut
+         * @description A shape through most of the points; see `Fit`.
+         */
+        FitOut: {
+            /** Centre Mm */
+            centre_mm: number[];
+            /** Diameter Mm */
+            diameter_mm: number | null;
+            /** Direction */
+            direction: number[] | null;
+            /** Given */
+            given: number;
+            /** Kind */
+            kind: string;
+            /** Radius Mm */
+            radius_mm: number | null;
+            /** Rms Mm */
+            rms_mm: number;
+            /** Robust Mm */
+            robust_mm: number;
+            /** Used */
+            used: number;
+        };
+        /**
          * FoundCameraOut
          * @description A camera; see `FoundCamera`.
          */
@@ -3552,6 +3830,16 @@ export interface components {
         FreedOut: {
             /** Freed Bytes */
             freed_bytes: number;
+        };
+        /**
+         * HistogramOut
+         * @description How many points lie between every two edges.
+         */
+        HistogramOut: {
+            /** Counts */
+            counts: number[];
+            /** Edges Mm */
+            edges_mm: number[];
         };
         /**
          * IdentityOut
@@ -4108,6 +4396,86 @@ export interface components {
             tab: string;
         };
         /**
+         * MeshOptions
+         * @description How points become triangles.
+         *
+         *     Attributes:
+         *         cell_mm: size of the finest detail, about the length of a triangle's edge; the points' own spacing
+         *             where it is not given, but never more cells than `most_cells`.
+         *         most_cells: of the grid; sets memory (about 60 bytes each) and time.
+         *         is_closed: watertight; otherwise the mesh ends where the points end.
+         *         has_flat_base: stands on a plane, at the height of the lowest points; closed meshes only.
+         *         trim_mm: an open mesh ends so far from the nearest point; two cells where it is not given.
+         *         hole_mm: holes of an open mesh that are no wider are closed; 0 for none.
+         *         island_share: pieces with less than this share of the largest one's area are left out.
+         *         triangles: most that are wanted; all where it is not given.
+         *         tolerance_mm: leave out triangles as long as the surface stays within this of where it was.
+         */
+        MeshOptions: {
+            /** Cell Mm */
+            cell_mm?: number | null;
+            /**
+             * Has Flat Base
+             * @default true
+             */
+            has_flat_base?: boolean;
+            /**
+             * Hole Mm
+             * @default 0
+             */
+            hole_mm?: number;
+            /**
+             * Is Closed
+             * @default true
+             */
+            is_closed?: boolean;
+            /**
+             * Island Share
+             * @default 0.01
+             */
+            island_share?: number;
+            /**
+             * Most Cells
+             * @default 20000000
+             */
+            most_cells?: number;
+            /** Tolerance Mm */
+            tolerance_mm?: number | null;
+            /** Triangles */
+            triangles?: number | null;
+            /** Trim Mm */
+            trim_mm?: number | null;
+        };
+        /**
+         * MeshOut
+         * @description A mesh of a scan; see `MeshItem`. `path` takes `?form=stl` and others.
+         * @example {
+         *       "created": "2026-11-21T10:20:00Z",
+         *       "name": "2026-11-21T10-20-00Z-print.ply",
+         *       "path": "/api/v1/scans/a-mug/meshes/2026-11-21T10-20-00Z-print.ply",
+         *       "size_bytes": 861232,
+         *       "triangles": 42004,
+         *       "vertices": 21004
+         *     }
+         */
+        MeshOut: {
+            /**
+             * Created
+             * Format: date-time
+             */
+            created: string;
+            /** Name */
+            name: string;
+            /** Path */
+            path: string;
+            /** Size Bytes */
+            size_bytes: number;
+            /** Triangles */
+            triangles: number;
+            /** Vertices */
+            vertices: number;
+        };
+        /**
          * Move
          * @description Where to turn the table: to an angle as the board counts, or by so much; one of them.
          *
@@ -4291,6 +4659,12 @@ export interface components {
             /** Usb Id */
             usb_id: string;
         };
+        /**
+         * Preset
+         * @description What the thing is wanted for.
+         * @enum {string}
+         */
+        Preset: "print" | "archive" | "measure";
         /**
          * PresetOut
          * @description A kind of scanner; see `Preset`.
@@ -4615,6 +4989,7 @@ export interface components {
          *         with_dark: pictures with the lasers off, too.
          *         texture_every: at every n-th stop a picture with the camera's settings for texture; 0 for none.
          *         together: all lasers lit in one picture.
+         *         exposures_us: of a step scan: every picture is taken with each of these exposures, microseconds.
          * @example {
          *       "above_mm": 1,
          *       "detector": "zero-crossing",
@@ -4639,6 +5014,11 @@ export interface components {
              * @default zero-crossing
              */
             detector?: string;
+            /**
+             * Exposures Us
+             * @default []
+             */
+            exposures_us?: number[];
             /**
              * Lasers
              * @default []
@@ -4844,6 +5224,26 @@ export interface components {
          */
         Sight: "unknown" | "unseen" | "moving" | "still" | "taken";
         /**
+         * SizeOut
+         * @description Boxes around it; see `Size`.
+         */
+        SizeOut: {
+            /** Area Mm2 */
+            area_mm2: number | null;
+            /** Extent Mm */
+            extent_mm: number[];
+            /** High Mm */
+            high_mm: number[];
+            /** Low Mm */
+            low_mm: number[];
+            /** Smallest Mm */
+            smallest_mm: number[];
+            /** Turned Deg */
+            turned_deg: number;
+            /** Volume Mm3 */
+            volume_mm3: number | null;
+        };
+        /**
          * SpaceOut
          * @description Room on the disk of the library; see `Space`.
          * @example {
@@ -4862,6 +5262,20 @@ export interface components {
             upload_bytes: number;
             /** Used Bytes */
             used_bytes: number;
+        };
+        /**
+         * SpanOut
+         * @description A distance between two measured places; see `Span`.
+         */
+        SpanOut: {
+            /** Distance Mm */
+            distance_mm: number;
+            /** End Mm */
+            end_mm: number[];
+            /** Moved Mm */
+            moved_mm: number[];
+            /** Start Mm */
+            start_mm: number[];
         };
         /**
          * StageOut
@@ -4991,6 +5405,265 @@ export interface components {
          * @enum {string}
          */
         Step: "camera" | "lasers" | "board" | "proof" | "table" | "solving" | "proving" | "done";
+        /**
+         * StepEffectOut
+         * @description What one step did to the copy: see `StepEffect`.
+         */
+        StepEffectOut: {
+            /** After */
+            after: number;
+            /** Before */
+            before: number;
+            /** Kind */
+            kind: string;
+            /** Note */
+            note: string;
+            /** Taken */
+            taken: number;
+        };
+        /**
+         * StepKindOut
+         * @description A kind of step: its name, what it does, and its settings as a JSON schema, of which a form is made.
+         * @example {
+         *       "kind": "quality",
+         *       "settings": {
+         *         "properties": {
+         *           "least": {
+         *             "default": 0.3,
+         *             "type": "number"
+         *           }
+         *         },
+         *         "type": "object"
+         *       },
+         *       "words": "Keeps points by what the scan itself knows of them."
+         *     }
+         */
+        StepKindOut: {
+            /** Kind */
+            kind: string;
+            /** Settings */
+            settings: {
+                [key: string]: unknown;
+            };
+            /** Words */
+            words: string;
+        };
+        /**
+         * SurfaceIn
+         * @description A thing to be made of a cloud.
+         *
+         *     Attributes:
+         *         scan: its name in the library.
+         *         cloud: which of the scan's clouds; the newest where none is named.
+         *         preset: what for.
+         *         steps: that clean the cloud, in order; those of the preset where absent.
+         *         mesh: how the mesh is made; whatever is absent is as the preset has it.
+         * @example {
+         *       "mesh": {
+         *         "triangles": 50000
+         *       },
+         *       "preset": "print",
+         *       "scan": "a-mug"
+         *     }
+         */
+        SurfaceIn: {
+            /**
+             * Cloud
+             * @default
+             */
+            cloud?: string;
+            mesh?: components["schemas"]["MeshOptions"] | null;
+            /** @default print */
+            preset?: components["schemas"]["Preset"];
+            /** Scan */
+            scan: string;
+            /** Steps */
+            steps?: {
+                [key: string]: unknown;
+            }[] | null;
+        };
+        /**
+         * SurfaceMeasureIn
+         * @description What to measure of a cloud, after steps that are tried on it, such as a crop; millimetres.
+         *
+         *     Attributes:
+         *         shape: to fit.
+         *         ends: of a distance.
+         *         against: what to compare with, in the same place.
+         *         scale_mm: where the colours of the comparison end.
+         *         shows: the comparison in the 3D view.
+         * @example {
+         *       "against": {
+         *         "scan": "a-mug-2"
+         *       },
+         *       "ends": [
+         *         [
+         *           -40,
+         *           0,
+         *           40
+         *         ],
+         *         [
+         *           40,
+         *           0,
+         *           40
+         *         ]
+         *       ],
+         *       "scan": "a-mug",
+         *       "shape": "cylinder",
+         *       "steps": [
+         *         {
+         *           "bottom_mm": 10,
+         *           "kind": "cylinder",
+         *           "top_mm": 60
+         *         }
+         *       ]
+         *     }
+         */
+        SurfaceMeasureIn: {
+            against?: components["schemas"]["AgainstIn"] | null;
+            /** Cloud */
+            cloud?: string | null;
+            /** Ends */
+            ends?: [
+                [
+                    number,
+                    number,
+                    number
+                ],
+                [
+                    number,
+                    number,
+                    number
+                ]
+            ] | null;
+            /** Scale Mm */
+            scale_mm?: number | null;
+            /** Scan */
+            scan: string;
+            /** Shape */
+            shape?: ("plane" | "sphere" | "cylinder") | null;
+            /**
+             * Shows
+             * @default true
+             */
+            shows?: boolean;
+            /**
+             * Steps
+             * @default []
+             */
+            steps?: {
+                [key: string]: unknown;
+            }[];
+        };
+        /**
+         * SurfaceMeasuresOut
+         * @description What was measured; what was not asked for is null.
+         *
+         *     Attributes:
+         *         points: that were measured.
+         *         whole: points that the cloud has; where they are more than were read, an even choice was.
+         *         shown: whether the 3D view shows the comparison.
+         * @example {
+         *       "deviation": {
+         *         "histogram": {
+         *           "counts": [
+         *             58200,
+         *             62200
+         *           ],
+         *           "edges_mm": [
+         *             -0.1,
+         *             0,
+         *             0.1
+         *           ]
+         *         },
+         *         "largest_mm": 1.2,
+         *         "mean_mm": 0.01,
+         *         "median_away_mm": 0.03,
+         *         "median_mm": 0.01,
+         *         "p95_mm": 0.1,
+         *         "points": 120400,
+         *         "rms_mm": 0.05,
+         *         "scale_mm": 0.1,
+         *         "signed": true
+         *       },
+         *       "distance": {
+         *         "distance_mm": 80,
+         *         "end_mm": [
+         *           40,
+         *           0,
+         *           40
+         *         ],
+         *         "moved_mm": [
+         *           0.1,
+         *           0.1
+         *         ],
+         *         "start_mm": [
+         *           -40,
+         *           0,
+         *           40
+         *         ]
+         *       },
+         *       "fit": {
+         *         "centre_mm": [
+         *           0.02,
+         *           -0.01,
+         *           35
+         *         ],
+         *         "diameter_mm": 80.04,
+         *         "direction": [
+         *           0,
+         *           0,
+         *           1
+         *         ],
+         *         "given": 120400,
+         *         "kind": "cylinder",
+         *         "radius_mm": 40.02,
+         *         "rms_mm": 0.031,
+         *         "robust_mm": 0.033,
+         *         "used": 118900
+         *       },
+         *       "points": 120400,
+         *       "shown": true,
+         *       "size": {
+         *         "area_mm2": null,
+         *         "extent_mm": [
+         *           80.1,
+         *           80.1,
+         *           50
+         *         ],
+         *         "high_mm": [
+         *           40,
+         *           40.1,
+         *           60
+         *         ],
+         *         "low_mm": [
+         *           -40.1,
+         *           -40,
+         *           10
+         *         ],
+         *         "smallest_mm": [
+         *           80.1,
+         *           80,
+         *           50
+         *         ],
+         *         "turned_deg": 12.5,
+         *         "volume_mm3": null
+         *       },
+         *       "whole": 184203
+         *     }
+         */
+        SurfaceMeasuresOut: {
+            deviation: components["schemas"]["DeviationMapOut"] | null;
+            distance: components["schemas"]["SpanOut"] | null;
+            fit: components["schemas"]["FitOut"] | null;
+            /** Points */
+            points: number;
+            /** Shown */
+            shown: boolean;
+            size: components["schemas"]["SizeOut"];
+            /** Whole */
+            whole: number;
+        };
         /**
          * Switch
          * @description On or off.
@@ -5154,6 +5827,12 @@ export interface components {
             /** Said */
             said: string[];
         };
+        /**
+         * Unit
+         * @description In which the numbers of a file are.
+         * @enum {string}
+         */
+        Unit: "mm" | "cm" | "m" | "inch";
         /**
          * Use
          * @description What pictures are taken for; a camera has settings for each.
@@ -5332,6 +6011,7 @@ export interface components {
     pathItems: never;
 }
 export type AccessOut = components['schemas']['AccessOut'];
+export type AgainstIn = components['schemas']['AgainstIn'];
 export type AnswerOut = components['schemas']['AnswerOut'];
 export type AnyEventOut = components['schemas']['AnyEventOut'];
 export type Arrow = components['schemas']['Arrow'];
@@ -5358,6 +6038,8 @@ export type ChessboardFacts = components['schemas']['ChessboardFacts'];
 export type ChoiceIn = components['schemas']['ChoiceIn'];
 export type ChosenOut = components['schemas']['ChosenOut'];
 export type CirclesFacts = components['schemas']['CirclesFacts'];
+export type CleaningIn = components['schemas']['CleaningIn'];
+export type CleaningOut = components['schemas']['CleaningOut'];
 export type CloudOut = components['schemas']['CloudOut'];
 export type CodeIn = components['schemas']['CodeIn'];
 export type CodeOut = components['schemas']['CodeOut'];
@@ -5366,6 +6048,7 @@ export type ControlOut = components['schemas']['ControlOut'];
 export type ControlsIn = components['schemas']['ControlsIn'];
 export type CountersOut = components['schemas']['CountersOut'];
 export type Cylinder = components['schemas']['Cylinder'];
+export type DeviationMapOut = components['schemas']['DeviationMapOut'];
 export type DeviationOut = components['schemas']['DeviationOut'];
 export type DevicesOut = components['schemas']['DevicesOut'];
 export type DifferenceOut = components['schemas']['DifferenceOut'];
@@ -5376,8 +6059,10 @@ export type ExportForm = components['schemas']['ExportForm'];
 export type ExportIn = components['schemas']['ExportIn'];
 export type ExposureIn = components['schemas']['ExposureIn'];
 export type ExposureOut = components['schemas']['ExposureOut'];
+export type FitOut = components['schemas']['FitOut'];
 export type FoundCameraOut = components['schemas']['FoundCameraOut'];
 export type FreedOut = components['schemas']['FreedOut'];
+export type HistogramOut = components['schemas']['HistogramOut'];
 export type IdentityOut = components['schemas']['IdentityOut'];
 export type ImportedOut = components['schemas']['ImportedOut'];
 export type Instruction = components['schemas']['Instruction'];
@@ -5397,6 +6082,8 @@ export type LoginIn = components['schemas']['LoginIn'];
 export type LoginSessionOut = components['schemas']['LoginSessionOut'];
 export type LookIn = components['schemas']['LookIn'];
 export type MeasureIn = components['schemas']['MeasureIn'];
+export type MeshOptions = components['schemas']['MeshOptions'];
+export type MeshOut = components['schemas']['MeshOut'];
 export type Move = components['schemas']['Move'];
 export type NoticeOut = components['schemas']['NoticeOut'];
 export type PasswordIn = components['schemas']['PasswordIn'];
@@ -5406,6 +6093,7 @@ export type PlaneChangeOut = components['schemas']['PlaneChangeOut'];
 export type PointsAddedOut = components['schemas']['PointsAddedOut'];
 export type PortIn = components['schemas']['PortIn'];
 export type PortOut = components['schemas']['PortOut'];
+export type Preset = components['schemas']['Preset'];
 export type PresetOut = components['schemas']['PresetOut'];
 export type Problem = components['schemas']['Problem'];
 export type ProblemOut = components['schemas']['ProblemOut'];
@@ -5422,11 +6110,18 @@ export type ServerOut = components['schemas']['ServerOut'];
 export type SessionIn = components['schemas']['SessionIn'];
 export type ShowIn = components['schemas']['ShowIn'];
 export type Sight = components['schemas']['Sight'];
+export type SizeOut = components['schemas']['SizeOut'];
 export type SpaceOut = components['schemas']['SpaceOut'];
+export type SpanOut = components['schemas']['SpanOut'];
 export type StageOut = components['schemas']['StageOut'];
 export type Standing = components['schemas']['Standing'];
 export type StateOut = components['schemas']['StateOut'];
 export type Step = components['schemas']['Step'];
+export type StepEffectOut = components['schemas']['StepEffectOut'];
+export type StepKindOut = components['schemas']['StepKindOut'];
+export type SurfaceIn = components['schemas']['SurfaceIn'];
+export type SurfaceMeasureIn = components['schemas']['SurfaceMeasureIn'];
+export type SurfaceMeasuresOut = components['schemas']['SurfaceMeasuresOut'];
 export type Switch = components['schemas']['Switch'];
 export type TableOut = components['schemas']['TableOut'];
 export type TakenWithOut = components['schemas']['TakenWithOut'];
@@ -5436,6 +6131,7 @@ export type TokenIn = components['schemas']['TokenIn'];
 export type TokenMade = components['schemas']['TokenMade'];
 export type TokenOut = components['schemas']['TokenOut'];
 export type TriedOut = components['schemas']['TriedOut'];
+export type Unit = components['schemas']['Unit'];
 export type Use = components['schemas']['Use'];
 export type Verdict = components['schemas']['Verdict'];
 export type ViewIn = components['schemas']['ViewIn'];
@@ -8152,6 +8848,48 @@ export interface operations {
             };
         };
     };
+    start_surface: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SurfaceIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+        };
+    };
     start_texture: {
         parameters: {
             query?: never;
@@ -8769,6 +9507,136 @@ export interface operations {
             };
         };
     };
+    list_meshes: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["MeshOut"][];
+                };
+            };
+        };
+    };
+    download_mesh: {
+        parameters: {
+            query?: {
+                /** @description What the file is to be. */
+                form?: "ply" | "stl" | "3mf" | "obj" | "glb" | "off";
+                /** @description Of the numbers in it; GLB is in metres. */
+                unit?: components["schemas"]["Unit"];
+            };
+            header?: never;
+            path: {
+                mesh: string;
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/octet-stream": unknown;
+                    "model/3mf": unknown;
+                    "model/gltf-binary": unknown;
+                    "model/obj": unknown;
+                    "model/stl": unknown;
+                    "text/plain": unknown;
+                };
+            };
+        };
+    };
+    show_mesh: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                mesh: string;
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
+            };
+        };
+    };
     list_pictures: {
         parameters: {
             query?: {
@@ -9265,6 +10133,128 @@ export interface operations {
                 };
                 content: {
                     "application/json": components["schemas"]["CodeOut"];
+                };
+            };
+        };
+    };
+    measure_surface: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["SurfaceMeasureIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["SurfaceMeasuresOut"];
+                };
+            };
+        };
+    };
+    try_surface_steps: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["CleaningIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["CleaningOut"];
+                };
+            };
+        };
+    };
+    list_surface_steps: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["StepKindOut"][];
                 };
             };
         };
