@@ -80,7 +80,7 @@ def create_app(
         for folder in (settings.scans, settings.jobs):
             _make(folder, machine)
         bus = EventBus()
-        library = Library(settings.scans)
+        library = Library(settings.scans, settings.upload_bytes)
         runner = JobRunner(settings.jobs, bus, is_unfinished=unfinished_in(library))
         building.callback(runner.close)
         pictures = building.enter_context(closing(LivePictures.of_bench(machine)))

@@ -16,8 +16,14 @@ PREFIX = "TURNSCAN_"
 """Of every variable: `TURNSCAN_PORT` is the port."""
 _OF_THE_BUILD = "TURNSCAN_WITHOUT_PAGES"
 LOOPBACK = "127.0.0.1"
+UPLOAD_BYTES = 4_000_000_000
 LogLevel = Literal["debug", "info", "warning", "error"]
 _LABEL = r"^[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?$"
+
+
+def _addresses(text: str) -> str:
+    """Of machines or networks, separated by commas."""
+    return ",".join(str(ipaddress.ip_network(part.strip())) for part in text.split(",") if part.strip())
 
 
 def _one_address(host: str) -> str:
@@ -38,6 +44,8 @@ class Settings:
         certificate: file of a certificate with those that vouch for it, PEM.
         key: file of its key, PEM.
         mdns: whether to be found by name.
+        proxy: addresses of reverse proxies that are believed where a request comes from; usually none.
+        upload_bytes: how much a scan may be that comes in over the network.
         log_file: where the log goes; the folder's `logs/turnscan.log` where not given.
         log_json: whether each line of the log is a JSON object.
         log_level: what is too unimportant to be logged.
@@ -52,6 +60,8 @@ class Settings:
     certificate: Path | None = None
     key: Path | None = None
     mdns: bool = True
+    proxy: Annotated[str, AfterValidator(_addresses)] = ""
+    upload_bytes: Annotated[int, Field(ge=1_000_000)] = UPLOAD_BYTES
     log_file: Path | None = None
     log_json: bool = False
     log_level: LogLevel = "info"

@@ -3,6 +3,7 @@
 import contextlib
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -45,6 +46,15 @@ def serve_command(
     certificate: Annotated[Path | None, typer.Option(help="Encrypt with this one (PEM).")] = None,
     key: Annotated[Path | None, typer.Option(help="Of the certificate (PEM).")] = None,
     mdns: Annotated[bool | None, typer.Option("--mdns/--no-mdns", help="Be found by name.")] = None,
+    proxy: Annotated[
+        str | None,
+        typer.Option(
+            help="Address of a reverse proxy; what it says of where requests come from is believed."
+        ),
+    ] = None,
+    upload_bytes: Annotated[
+        int | None, typer.Option(help="The largest scan that is taken in over the network; by default 4 GB.")
+    ] = None,
     log_file: Annotated[Path | None, typer.Option(help="By default logs/turnscan.log in the folder.")] = None,
     log_json: Annotated[
         bool | None, typer.Option("--log-json/--log-plain", help="Each line of the log a JSON object.")
@@ -63,9 +73,9 @@ def serve_command(
     given = {
         "bench": bench, "folder": folder, "host": host, "port": port, "name": name, "tls": tls,
         "certificate": certificate, "key": key, "mdns": mdns, "log_file": log_file, "log_json": log_json,
-        "log_level": log_level,
+        "log_level": log_level, "proxy": proxy, "upload_bytes": upload_bytes,
     }  # fmt: skip
-    settings = read_settings(given)
+    settings = with_bench(read_settings(given))
     description = _description(settings)
     if check:
         return _checked(settings, description)
@@ -134,6 +144,7 @@ def _run(
             application, log_config=None, log_level="warning", access_log=False, lifespan="on",
             ssl_certfile=certificate.certificate if certificate else None,
             ssl_keyfile=certificate.key if certificate else None,
+            proxy_headers=bool(settings.proxy), forwarded_allow_ips=settings.proxy or None,
             **SOCKET_OPTIONS,
         )  # fmt: skip
         server = Server(
@@ -143,8 +154,14 @@ def _run(
         server.run_until_told([bound])
 
 
+def with_bench(settings: Settings) -> Settings:
+    """Where no bench is named, the one that was chosen in the page, else that of the current folder."""
+    found = (path for path in (settings.folder / BENCH_FILE, BENCH_FILE) if path.is_file())
+    return settings if settings.bench else replace(settings, bench=str(next(found, "")))
+
+
 def _description(settings: Settings) -> BenchDescription | ScannerError:
-    if not settings.bench and not BENCH_FILE.is_file():
+    if not settings.bench:
         return BenchFileError(
             str(BENCH_FILE),
             "is not here, so there is no bench yet",

@@ -14,10 +14,17 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
+import viser
+from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Subprotocol
 
-from app.devices.bench_file import BenchDescription, simulated_description
 from app.serving.addresses import listening
+from app.simulation.firmware.kernel import FIRMWARES
+from app.simulation.firmware.plant import Plant, Wiring
+from app.simulation.firmware.port import EmulatedPort
 
 _TURNSCAN = (sys.executable, "-m", "app", "serve")
 _DEADLINE_S = 120.0
@@ -45,6 +52,26 @@ class Served:
         )
         with urllib.request.urlopen(request, timeout=_DEADLINE_S) as answer:
             return json.loads(answer.read())
+
+    def headers(self, sent: dict[str, str]) -> dict[str, str]:
+        """Those of an answer, in small letters."""
+        request = urllib.request.Request(f"http://localhost:{self.port}/api/v1/bench", headers=sent)
+        with urllib.request.urlopen(request, timeout=_DEADLINE_S) as answer:
+            return {name.lower(): text for name, text in answer.headers.items()}
+
+    def websocket(self, path: str, *dialects: str) -> ClientConnection:
+        """A WebSocket that reads nothing by itself."""
+        spoken = [Subprotocol(each) for each in dialects] or None
+        address = f"ws://localhost:{self.port}{path}"
+        return connect(address, subprotocols=spoken, open_timeout=_DEADLINE_S, proxy=None)
+
+    @contextmanager
+    def uploading(self, length: bytes) -> Iterator[socket.socket]:
+        """A connection on which an upload is announced."""
+        with socket.create_connection(("127.0.0.1", self.port), _DEADLINE_S) as sender:
+            head = f"POST /api/v1/scans/upload?file=a.ply HTTP/1.1\r\nHost: localhost:{self.port}\r\n"
+            sender.sendall(head.encode() + length)
+            yield sender
 
     def answers(self) -> bool:
         assert self.process.poll() is None, self.words.read_text()
@@ -90,6 +117,10 @@ def test_without_a_bench_and_where_nothing_can_be_kept_it_serves_and_says_so(tmp
             server.ask("/api/v1/jobs/scan", {})
         refused.value.close()
         assert refused.value.code == 422
+        assert "strict-transport-security" not in server.headers({"X-Forwarded-Proto": "https"})
+        assert server.ask("/api/v1/bench/stop", {})["lasers"] == []
+        with urllib.request.urlopen(f"http://localhost:{server.port}/metrics", timeout=_DEADLINE_S) as answer:
+            assert b"turnscan_camera" in answer.read()
         server.process.send_signal(signal.SIGTERM)
         assert server.wait() == 0
     text = server.words.read_text()
@@ -99,21 +130,40 @@ def test_without_a_bench_and_where_nothing_can_be_kept_it_serves_and_says_so(tmp
 
 
 def test_it_tells_systemd_and_ends_with_everything_open(tmp_path: Path) -> None:
-    bench = tmp_path / "bench.toml"
-    bench.write_text(_small_bench(simulated_description(object="sphere", width=320, height=240)))
-    address = str(tmp_path / "notify")
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+    address, kept = str(tmp_path / "notify"), tmp_path / "kept"
+    pictures = tmp_path / "pictures"
+    for folder in (kept, pictures):
+        folder.mkdir()
+    cv2.imwrite(str(pictures / "1.jpg"), np.zeros((240, 320, 3), np.uint8))
+    plant = Plant(Wiring(3200.0))
+    with (
+        EmulatedPort(FIRMWARES.make("horus", plant=plant), tmp_path / "board") as board,
+        socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager,
+    ):
+        # Where the page keeps the bench that is chosen in it.
+        (kept / "bench.toml").write_text(_bench_at(board.link, pictures))
         manager.bind(address)
         manager.settimeout(_DEADLINE_S)
-        with served(tmp_path, NOTIFY_SOCKET=address, WATCHDOG_USEC="1500000") as server:
+        options = ("--upload-bytes", "2000000", "--proxy", "127.0.0.1")
+        with served(tmp_path, *options, NOTIFY_SOCKET=address, WATCHDOG_USEC="1500000") as server:
             assert manager.recv(200).startswith(b"READY=1")
             assert manager.recv(200) == b"WATCHDOG=1"
+            assert "strict-transport-security" in server.headers({"X-Forwarded-Proto": "https"})
             _until(lambda: server.ask("/api/v1/bench")["camera"]["connected"])
+            _until(lambda: server.ask("/api/v1/bench")["turntable"])
+            _send_too_much(server)
+            _break_an_upload_off(server, kept / "scans")
             server.ask("/api/v1/bench/lasers/left", {"on": True})
-            with streaming(server, "/api/v1/live/raw.mjpeg"), streaming(server, "/api/v1/events/stream"):
+            _until(lambda: plant.at(board.clock.now_s()).outputs_on)
+            with (
+                streaming(server, "/api/v1/live/raw.mjpeg"), streaming(server, "/api/v1/events/stream"),
+                server.websocket("/api/v1/live/raw"), server.websocket("/api/v1/events"),
+                server.websocket("/view/", f"viser-v{viser.__version__}"),
+            ):  # fmt: skip
                 server.process.send_signal(signal.SIGINT)
-                server.process.send_signal(signal.SIGINT)
+                server.process.send_signal(signal.SIGTERM)
                 assert server.wait() == 0
+            _until(lambda: not plant.at(board.clock.now_s()).outputs_on)
         told = b""
         while told != b"STOPPING=1":
             told = manager.recv(200)
@@ -121,16 +171,29 @@ def test_it_tells_systemd_and_ends_with_everything_open(tmp_path: Path) -> None:
     assert "does not end by itself" not in server.words.read_text()
 
 
-def _small_bench(description: BenchDescription) -> str:
-    lasers = "\n".join(
-        f'[[lasers]]\nname = "{each.name}"\nchannel = {each.channel}\ncolour = "red"'
-        for each in description.lasers
+def _send_too_much(server: Served) -> None:
+    """Nobody will read it, so the connection is of no further use."""
+    with server.uploading(b"Content-Length: 3000000\r\n\r\n") as sender:
+        answer = b""
+        while piece := sender.recv(4096):
+            answer += piece
+    assert answer.startswith(b"HTTP/1.1 413")
+    assert b"\r\nconnection: close\r\n" in answer.lower()
+
+
+def _break_an_upload_off(server: Served, scans: Path) -> None:
+    with server.uploading(b"Content-Length: 1500000\r\n\r\n") as sender:
+        sender.sendall(b"ply\n" + bytes(1_200_000))
+        _until(lambda: list((scans / ".work").glob("*/arrived")))
+    _until(lambda: not list((scans / ".work").glob("*")))
+    assert [path.name for path in scans.iterdir() if not path.name.startswith(".")] == []
+
+
+def _bench_at(port: Path, pictures: Path) -> str:
+    devices = (
+        f'[turntable]\ndriver = "horus"\nport = "{port}"\n[camera]\ndriver = "folder"\nfolder = "{pictures}"'
     )
-    options = "\n".join(
-        f"{name} = {json.dumps(value)}" for name, value in (description.simulation or {}).items()
-    )
-    devices = '[turntable]\ndriver = "simulated"\n[camera]\ndriver = "simulated"'
-    return f"{devices}\n{lasers}\n[simulation]\n{options}\n"
+    return f'{devices}\n[[lasers]]\nname = "left"\nchannel = 1\ncolour = "red"\n'
 
 
 def _until(is_so: Callable[[], object]) -> None:

@@ -43,6 +43,7 @@ def test_an_option_wins_over_the_environment_and_that_over_the_usual() -> None:
     assert settings.is_local
     assert not read_settings({"host": "0.0.0.0"}, {}).is_local
     assert read_settings({"host": "localhost"}, {}).is_local
+    assert read_settings({}, {"TURNSCAN_PROXY": "127.0.0.1, 10.0.0.0/8"}).proxy == "127.0.0.1/32,10.0.0.0/8"
 
 
 @pytest.mark.parametrize(
@@ -52,6 +53,8 @@ def test_an_option_wins_over_the_environment_and_that_over_the_usual() -> None:
         ({"port": 99999}, {"TURNSCAN_PORT": "80"}, "--port cannot be 99999"),
         ({"log_level": "loud"}, {}, "--log-level cannot be 'loud'"),
         ({"host": "evil.example"}, {}, "--host cannot be 'evil.example'"),
+        ({"proxy": "my-proxy"}, {}, "--proxy cannot be 'my-proxy'"),
+        ({"upload_bytes": 5}, {}, "--upload-bytes cannot be 5"),
         ({"name": "two words"}, {}, "--name cannot be 'two words'"),
         ({}, {"TURNSCAN_PROT": "80"}, "There is no setting TURNSCAN_PROT"),
         ({"certificate": "a.pem"}, {}, "A certificate and its key go together"),
