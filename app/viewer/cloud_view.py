@@ -148,14 +148,20 @@ class CloudView:
         """Show a finished scan instead of what is there."""
         self._put(lambda: self._cloud.show(cloud))
 
-    def show_mesh(self, vertices: Points | NDArray[np.float32], faces: NDArray[np.integer]) -> None:
+    def show_mesh(
+        self,
+        vertices: Points | NDArray[np.float32],
+        faces: NDArray[np.integer],
+        colours: NDArray[np.uint8] | None = None,
+    ) -> None:
         """Show a surface instead of what is there.
 
         Args:
             vertices: (N, 3) mm, table frame.
             faces: (M, 3) numbers of vertices, counter-clockwise from outside.
+            colours: (N, 3) red, green, blue of the vertices; one for all where not given.
         """
-        self._put(lambda: self._cloud.show_mesh(vertices, faces))
+        self._put(lambda: self._cloud.show_mesh(vertices, faces, colours))
 
     def clear(self) -> None:
         """Empty the table."""
@@ -224,7 +230,7 @@ class CloudView:
                 ray = Ray.through(self._stage.table_from_world @ eye, fov_rad, aspect, across, down)
                 point = self._cloud.point_under(ray)
                 if point is not None:
-                    self._cloud.measure.take(point)
+                    self._cloud.measure.take(point, ray)
                     found.extend((float(x), float(y), float(z)) for x, y, z in self._cloud.measure.points)
             finally:
                 done.set()

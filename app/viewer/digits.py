@@ -15,12 +15,15 @@ _DIGITS = ("012345", "12", "01346", "01236", "1256", "02356", "023456", "012", "
 _ADVANCE = 1.6
 
 
-def strokes(number: int) -> NDArray[np.float64]:
-    """(N, 2, 2) lines of a number, its digits two high, its middle at the origin."""
+_POINT = np.array([[[0.4, 0.0], [0.6, 0.0]]])
+
+
+def strokes(number: int | str) -> NDArray[np.float64]:
+    """(N, 2, 2) lines of a number, its digits two high, its middle at the origin; `12.50` as text."""
     text = str(number)
     width = _ADVANCE * (len(text) - 1) + 1.0
     lines = [
-        _STROKES[[int(stroke) for stroke in _DIGITS[int(digit)]]]
+        (_POINT if digit == "." else _STROKES[[int(stroke) for stroke in _DIGITS[int(digit)]]])
         + [place * _ADVANCE - width / 2.0, -1.0]
         for place, digit in enumerate(text)
     ]  # fmt: skip

@@ -96,9 +96,21 @@ class LiveCloud:
         with self._server.atomic():
             self._chunks.replace(shown)
 
-    def show_mesh(self, vertices: Points | NDArray[np.float32], faces: NDArray[np.integer]) -> None:
+    def show_mesh(
+        self,
+        vertices: Points | NDArray[np.float32],
+        faces: NDArray[np.integer],
+        colours: NDArray[np.uint8] | None = None,
+    ) -> None:
         """Show a surface instead of what is there."""
         self.clear()
+        if colours is not None:
+            # Loaded here: it takes a while, and scanning does not need it.
+            import trimesh
+
+            coloured = trimesh.Trimesh(vertices, faces, vertex_colors=colours, process=False)
+            self._mesh = self._server.scene.add_mesh_trimesh(_MESH, coloured)
+            return
         self._mesh = self._server.scene.add_mesh_simple(
             _MESH, np.asarray(vertices, np.float32), np.asarray(faces, np.uint32), color=_MESH_COLOUR,
             side="double",

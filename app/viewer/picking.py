@@ -23,11 +23,14 @@ class Ray:
         origin: of the eye, mm.
         direction: unit vector.
         spread: of the view's height, at a distance of 1.
+        right, up: of the view, unit vectors.
     """
 
     origin: Vector3
     direction: Vector3
     spread: float
+    right: Vector3
+    up: Vector3
 
     @classmethod
     def through(
@@ -43,7 +46,8 @@ class Ray:
         """
         half = math.tan(fov_rad / 2.0)
         ahead = np.array([(2.0 * across - 1.0) * half * aspect, (2.0 * down - 1.0) * half, 1.0])
-        return cls(table_from_eye.translation, unit(table_from_eye.rotation @ ahead), 2.0 * half)
+        turned = table_from_eye.rotation
+        return cls(table_from_eye.translation, unit(turned @ ahead), 2.0 * half, turned[:, 0], -turned[:, 1])
 
 
 def point_under(ray: Ray, points: NDArray[np.float32]) -> Vector3 | None:

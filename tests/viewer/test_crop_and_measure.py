@@ -56,15 +56,18 @@ def test_a_distance_is_measured_between_two_points_that_one_page_sees(view: Clou
         (first,) = view.measure_at("page", 0.5 + aside, 0.5)
         np.testing.assert_allclose(first, corners[0])
         assert view.measure_at("page", 0.5 - aside, 0.502) == (first, tuple(corners[1].tolist()))
-        wait_until(lambda: "/table/measure/label" in viewer.nodes)
-        assert viewer.nodes["/table/measure/label"].props["text"] == "60.00 mm"
+        wait_until(lambda: "/table/measure/number" in viewer.nodes)
+        # Its strokes lie side by side along the view's right, in the middle between the points.
+        number = viewer.nodes["/table/measure/number"].props["points"].reshape(-1, 3)
+        assert np.ptp(number[:, 1]) > 3.0 * np.ptp(number[:, 0]) > 0.0
+        np.testing.assert_allclose(number[:, 2], 40.0, atol=1e-3)
         for place in ((0.99, 0.99), (0.5, 0.9)):
             with pytest.raises(OptionError):
                 view.measure_at("page", *place)
         with pytest.raises(OptionError):
             view.measure_at("another", 0.5, 0.5)
         assert len(view.measure_at("page", 0.5 + aside, 0.5)) == 1
-        wait_until(lambda: "/table/measure/label" not in viewer.nodes)
+        wait_until(lambda: "/table/measure/number" not in viewer.nodes)
         view.forget_measure()
         wait_until(lambda: "/table/measure/ends" not in viewer.nodes)
 

@@ -152,8 +152,12 @@ def test_clouds_and_meshes_take_each_others_place(view: CloudView) -> None:
         vertices = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [0.0, 10.0, 5.0]])
         view.show_mesh(vertices, np.array([[0, 1, 2]]))
         wait_until(lambda: "/table/mesh" in viewer.nodes and not viewer.clouds())
+        plain = viewer.nodes["/table/mesh"]
+        view.show_mesh(vertices, np.array([[0, 1, 2]]), np.full((3, 3), 90, np.uint8))
+        wait_until(lambda: viewer.nodes.get("/table/mesh", plain) is not plain)
         view.clear()
         wait_until(lambda: "/table/mesh" not in viewer.nodes)
+        assert not view.problem
 
 
 def test_one_page_is_moved_and_the_other_stays(view: CloudView) -> None:
