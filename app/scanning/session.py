@@ -8,7 +8,7 @@ from pydantic import Field
 
 from app.devices.bench import Bench
 from app.documents import Entry, Json, compose, read_document
-from app.errors import RecordingError
+from app.errors import OptionError, RecordingError
 from app.files import write_whole
 from app.recording.manifest import FrameEntry, Header
 from app.recording.reader import Recording
@@ -81,7 +81,9 @@ class ScanSession:
 
         Raises:
             OutputError: the folder holds something, or cannot be made.
+            OptionError: a simulated bench at another than true speed is to be scanned continuously.
         """
+        _refuse_hurried(bench, plan)
         session = cls(folder, plan, bench_spec, RecordingWriter.create(folder, _header(bench, plan)))
         session.save()
         return session
@@ -226,6 +228,16 @@ def _header(bench: Bench, plan: ScanPlan) -> Header:
         camera_name=bench.camera.facts.name,
         extra={"bench": description.name},
     )
+
+
+def _refuse_hurried(bench: Bench, plan: ScanPlan) -> None:
+    """Angles by time are as wrong as time is."""
+    rate = 1.0 if bench.world is None else bench.world.clock.rate
+    if plan.mode == "continuous" and rate != 1.0:
+        raise OptionError(
+            f"The simulated bench runs at {rate:g} times true speed, where angles by time are wrong.",
+            "Scan in steps, or give the bench rate = 1.",
+        )
 
 
 def _not_a_scan(where: str, problem: str) -> RecordingError:

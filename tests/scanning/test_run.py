@@ -24,6 +24,7 @@ from app.errors import (
     BenchBusy,
     DeviceError,
     MoveStopped,
+    OptionError,
     OutputError,
     PositionUnknown,
     RecordingError,
@@ -205,6 +206,12 @@ def test_a_full_disk_pauses_the_scan_with_what_was_taken(
             run_scan(bench, session, Watching(5, fill))
         assert is_dark(bench)
     assert len(Recording.open(tmp_path / "scan").entries) == 5
+
+
+def test_a_bench_that_hurries_is_not_scanned_by_time(tmp_path: Path) -> None:
+    with bench_with(description(rate=4.0)) as bench, pytest.raises(OptionError, match="4 times"):
+        begin(tmp_path / "scan", bench, plan(mode="continuous", lasers=("left",)))
+    assert not (tmp_path / "scan").exists()
 
 
 @pytest.mark.realtime
