@@ -61,9 +61,11 @@ def _outliers_found() -> list[Row]:
         found = 1.0 - np.count_nonzero(left.quality) / np.count_nonzero(is_planted)
         lost = 1.0 - np.count_nonzero(left.quality == 0.0) / np.count_nonzero(~is_planted)
         rows.append(
-            at_least(f"{kind}: planted outliers found", 100.0 * found, "%", 95.0, "more than 1 mm away")
+            at_least(
+                f"{kind}: planted outliers found", 100.0 * float(found), "%", 95.0, "more than 1 mm away"
+            )
         )
-        rows.append(at_most(f"{kind}: good points lost", 100.0 * lost, "%", 2.0))
+        rows.append(at_most(f"{kind}: good points lost", 100.0 * float(lost), "%", 2.0))
     return rows
 
 
@@ -83,7 +85,7 @@ def _bent() -> list[Row]:
     after = np.linalg.norm(smooth.apply(clean).points - _MIDDLE, axis=1)
     return [
         at_least(
-            "smooth: height of a step of 0.4 mm, within 0.3 mm of it", 100.0 * kept / _STEP_MM, "%", 95.0
+            "smooth: height of a 0.4 mm step, 0.3 mm beside it", 100.0 * float(kept) / _STEP_MM, "%", 95.0
         ),
         at_most(
             "smooth: noise left on a level", 100.0 * float(height[~near & is_upper].std()) / _NOISE_MM, "%",

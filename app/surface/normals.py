@@ -70,7 +70,10 @@ def estimate_normals(points: NDArray[np.float32], neighbours: int = _NEIGHBOURS)
 def least_spread(places: Places, neighbours: int = _NEIGHBOURS) -> NDArray[np.float32]:
     """(M, 3) unit vectors, either way round, in which the neighbours of each place spread least."""
     found = np.zeros((len(places), 3), np.float32)
-    x, y, z = np.ascontiguousarray(places.points.T)
+    if not len(places):
+        return found
+    # About the middle, single precision is finer than the points themselves, and half as much to move.
+    x, y, z = np.ascontiguousarray((places.points - np.median(places.points, axis=0)).T, np.float32)
     for part, _, numbers in places.nearest(min(neighbours, len(places))):
         for start in range(0, len(numbers), _IN_CACHE):
             near = numbers[start : start + _IN_CACHE]
@@ -80,12 +83,13 @@ def least_spread(places: Places, neighbours: int = _NEIGHBOURS) -> NDArray[np.fl
     return found
 
 
-def _spreads(columns: list[Floats]) -> Floats:
+def _spreads(columns: list[NDArray[np.float32]]) -> Floats:
     """(6, N) sums of products of x, y and z (N, K) about their mean: xx, yy, zz, xy, xz, yz."""
     for column in columns:
         column -= column.mean(axis=1, keepdims=True)
     pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-    return np.stack([np.einsum("nk,nk->n", columns[one], columns[other]) for one, other in pairs])
+    sums = [np.einsum("nk,nk->n", columns[one], columns[other]) for one, other in pairs]
+    return np.stack(sums).astype(np.float64)
 
 
 def _smallest_eigenvector(spread: Floats) -> Floats:
