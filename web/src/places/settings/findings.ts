@@ -59,9 +59,10 @@ export function nameAndUnit(key: string): [name: string, unit: string] {
     px: "px",
     mm: "mm",
     fps: "/s",
+    bytes_s: "B/s",
     bytes: "B",
   };
-  for (const ending of ["deg_s", ...Object.keys(units)]) {
+  for (const ending of ["deg_s", "bytes_s", ...Object.keys(units)]) {
     if (key.endsWith(`_${ending}`))
       return [key.slice(0, -ending.length - 1).replaceAll("_", " "), units[ending]!];
   }
