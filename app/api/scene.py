@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from app.geometry.cloud import PointCloud
+from app.geometry.mesh import TriangleMesh
 from app.scanning.profile import Profile
 
 Corner = tuple[float, float, float]
@@ -24,6 +26,12 @@ class Drawer(Protocol):
     def finish(self) -> None: ...
     def clear(self) -> None: ...
     def show_cloud(self, cloud: PointCloud) -> None: ...
+    def show_mesh(
+        self,
+        vertices: NDArray[np.float32],
+        faces: NDArray[np.int32],
+        colours: NDArray[np.uint8] | None = None,
+    ) -> None: ...
     def colour_by(self, mode: str) -> None: ...
     def set_point_size(self, size_mm: float) -> None: ...
     def set_dark(self, is_dark: bool) -> None: ...
@@ -43,8 +51,8 @@ class Shown:
     Attributes:
         is_live: the points of a scan that goes on, or has just ended.
         scan: the finished scan that is shown, by its name in the library; empty for none.
-        cloud: the file of its cloud.
-        points: as many as the scan or cloud has.
+        cloud: the file of its cloud, or of its mesh where that is shown.
+        points: as many as the scan or cloud has, or vertices.
         colour: what the colour of a point says.
         point_size_mm: as drawn.
         is_dark: for a dark page.
@@ -110,6 +118,15 @@ class Scene:
             self._drawer.show_cloud(cloud)
             self._shown = replace(
                 self._emptied(), scan=scan, cloud=name, points=len(cloud), extent=_around(None, cloud)
+            )
+
+    def show_mesh(self, scan: str, name: str, mesh: TriangleMesh) -> None:
+        """A mesh of a finished scan, instead of what is there."""
+        with self._lock:
+            self._drawer.show_mesh(mesh.vertices, mesh.faces, mesh.colours)
+            extent = _around_points(None, mesh.vertices)
+            self._shown = replace(
+                self._emptied(), scan=scan, cloud=f"meshes/{name}", points=len(mesh.vertices), extent=extent
             )
 
     def clear(self) -> None:
@@ -178,7 +195,11 @@ class Scene:
 
 
 def _around(extent: Box | None, cloud: PointCloud) -> Box | None:
-    points = cloud.points[np.isfinite(cloud.points).all(axis=1)]
+    return _around_points(extent, cloud.points)
+
+
+def _around_points(extent: Box | None, places: NDArray[np.float32]) -> Box | None:
+    points = places[np.isfinite(places).all(axis=1)]
     if not len(points):
         return extent
     if extent is not None:

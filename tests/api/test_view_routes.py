@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fastapi.testclient import TestClient
+from numpy.typing import NDArray
 
 from app.api.scene import Corner, Scene
 from app.api.versioned import API
@@ -79,6 +80,14 @@ class _Drawer:
 
     def show_cloud(self, cloud: PointCloud) -> None:
         self.asked.append("show")
+
+    def show_mesh(
+        self,
+        vertices: NDArray[np.float32],
+        faces: NDArray[np.int32],
+        colours: NDArray[np.uint8] | None = None,
+    ) -> None:
+        self.asked.append("show mesh")
 
     def colour_by(self, mode: str) -> None:
         raise OptionError(f"no {mode}")

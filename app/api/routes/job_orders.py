@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal, TypeVar
 
 from fastapi import APIRouter
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from app.api.routes.jobs import JobOut, Name, shown
 from app.api.services import Served, Services
@@ -15,12 +15,16 @@ from app.jobs.export import ExportForm, export_work
 from app.jobs.recipes import ScanOrder, checkup_work, reconstruct_work, scan_work
 from app.jobs.runner import JobContext
 from app.jobs.scan_parts import check_lasers
+from app.jobs.surface import surface_work
 from app.jobs.texture import texture_work
 from app.library.again import own_calibration
 from app.scanning.exposure_stack import check_exposures
 from app.scanning.plan import LONGEST_EXPOSURE_US, MOST_EXPOSURES, ScanPlan
 from app.scanning.reconstruct import ReconstructionOptions
 from app.scanning.session import SCAN_FILE, read_plan
+from app.surface.finish import Finish, Preset, preset_mesh
+from app.surface.meshing.options import MeshOptions
+from app.surface.step import StepDocument, parse_step
 from app.vision.stripe import STRIPE_DETECTORS
 
 router = APIRouter(prefix="/jobs", tags=["jobs"])
@@ -153,6 +157,28 @@ class ExportIn(BaseModel):
     cloud: Annotated[str, Field(max_length=300)] = ""
 
 
+class SurfaceIn(BaseModel):
+    """A thing to be made of a cloud.
+
+    Attributes:
+        scan: its name in the library.
+        cloud: which of the scan's clouds; the newest where none is named.
+        preset: what for.
+        steps: that clean the cloud, in order; those of the preset where absent.
+        mesh: how the mesh is made; whatever is absent is as the preset has it.
+    """
+
+    model_config = ConfigDict(
+        json_schema_extra={"examples": [{"scan": "a-mug", "preset": "print", "mesh": {"triangles": 50_000}}]}
+    )
+
+    scan: Name
+    cloud: Annotated[str, Field(max_length=300)] = ""
+    preset: Preset = Preset.PRINT
+    steps: Annotated[list[StepDocument], Field(max_length=30)] | None = None
+    mesh: MeshOptions | None = None
+
+
 class CheckupIn(BaseModel):
     """Which checks to make; all where none is named."""
 
@@ -235,6 +261,23 @@ def start_export(served: Served, wanted: ExportIn) -> JobOut:
     return _submitted(served, "export", item.title, work, wanted, scan=item.name)
 
 
+@router.post("/surface")
+def start_surface(served: Served, wanted: SurfaceIn) -> JobOut:
+    """Clean a cloud and make its surface; `GET /scans/{name}/meshes` lists what came of it."""
+    item = served.library.scan(wanted.scan)
+    options = preset_mesh(wanted.preset)
+    if wanted.mesh is not None:
+        options = options.model_copy(update=wanted.mesh.model_dump(exclude_unset=True))
+    for document in wanted.steps or ():
+        parse_step(document)
+    steps = None if wanted.steps is None else tuple(wanted.steps)
+    order = Finish(preset=wanted.preset, steps=steps, mesh=options)
+    work = surface_work(served.library, item.name, wanted.cloud, order)
+    # With all of the mesh's options, so that it can be done again alike.
+    whole = wanted.model_copy(update={"mesh": options})
+    return _submitted(served, "surface", item.title, work, whole, scan=item.name)
+
+
 @router.post("/checkup")
 def start_checkup(served: Served, wanted: CheckupIn) -> JobOut:
     """The doctor: measure what the bench really does."""
@@ -275,6 +318,7 @@ _STARTS: Mapping[str, _Start] = {
     "reconstruct": _again(ReconstructIn, start_reconstruction),
     "texture": _again(TextureIn, start_texture),
     "export": _again(ExportIn, start_export),
+    "surface": _again(SurfaceIn, start_surface),
     "checkup": _again(CheckupIn, start_checkup),
 }
 

@@ -24,7 +24,7 @@ class MeshOptions(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     cell_mm: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
-    most_cells: Annotated[int, Field(ge=1_000, le=200_000_000)] = 20_000_000
+    most_cells: Annotated[int, Field(ge=1_000, le=60_000_000)] = 20_000_000
     is_closed: bool = True
     has_flat_base: bool = True
     trim_mm: Annotated[float, Field(gt=0.0)] | None = None

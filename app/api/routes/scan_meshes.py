@@ -1,0 +1,95 @@
+"""Meshes of a scan: listed, sent in any form, shown in the 3D view."""
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Request, Response
+from pydantic import BaseModel, ConfigDict
+
+from app.api.downloads import PartsResponse, attachment, file_answer
+from app.api.services import Served
+from app.errors import ScanBusy
+from app.jobs.job import JobState
+from app.library.meshes import mesh_of, meshes_of
+from app.surface.exports.read import read_mesh
+from app.surface.exports.units import Unit
+from app.surface.exports.write import mesh_parts
+from app.surface.meshing.simplify import to_count
+
+router = APIRouter(prefix="/scans", tags=["scans"])
+_PLY = "application/octet-stream"
+_MEDIA_TYPES = {
+    "stl": "model/stl", "3mf": "model/3mf", "obj": "model/obj", "glb": "model/gltf-binary", "ply": _PLY,
+    "off": "text/plain",
+}  # fmt: skip
+# More makes pages on phones slow, and nobody sees it.
+_SHOWN_TRIANGLES = 400_000
+Form = Annotated[
+    Literal["ply", "stl", "3mf", "obj", "glb", "off"], Query(description="What the file is to be.")
+]
+_EXAMPLE: dict[str, Any] = {
+    "name": "2026-11-21T10-20-00Z-print.ply",
+    "path": "/api/v1/scans/a-mug/meshes/2026-11-21T10-20-00Z-print.ply",
+    "vertices": 21_004, "triangles": 42_004, "size_bytes": 861_232, "created": "2026-11-21T10:20:00Z",
+}  # fmt: skip
+
+
+class MeshOut(BaseModel):
+    """A mesh of a scan; see `MeshItem`. `path` takes `?form=stl` and others."""
+
+    model_config = ConfigDict(json_schema_extra={"examples": [_EXAMPLE]})
+
+    name: str
+    path: str
+    vertices: int
+    triangles: int
+    size_bytes: int
+    created: datetime
+
+
+@router.get("/{name}/meshes")
+def list_meshes(request: Request, served: Served, name: str) -> list[MeshOut]:
+    """Those that were made of its clouds, oldest first; `POST /jobs/surface` makes one."""
+    here = request.url.path
+    return [
+        MeshOut(
+            name=item.name, path=f"{here}/{item.name}", vertices=item.vertices, triangles=item.triangles,
+            size_bytes=item.size_bytes, created=item.created,
+        )
+        for item in meshes_of(served.library.folder_of(name))
+    ]  # fmt: skip
+
+
+@router.get(
+    "/{name}/meshes/{mesh}",
+    response_class=Response,
+    responses={200: {"content": {media_type: {} for media_type in _MEDIA_TYPES.values()}}},
+)
+def download_mesh(
+    request: Request,
+    served: Served,
+    name: str,
+    mesh: str,
+    form: Form = "ply",
+    unit: Annotated[Unit, Query(description="Of the numbers in it; GLB is in metres.")] = Unit.MM,
+) -> Response:
+    """One of its meshes, made into the form that is asked for."""
+    item = mesh_of(served.library.folder_of(name), mesh)
+    title = attachment(served.library.scan(name).title, f".{form}")
+    if form == "ply" and unit is Unit.MM:
+        return file_answer(request, item.path, _PLY, title)
+    made = mesh_parts(f".{form}", read_mesh(item.path), unit)
+    headers = {"Content-Disposition": title, "Cache-Control": "no-store"}
+    return PartsResponse((part for part in made), _MEDIA_TYPES[form], headers)
+
+
+@router.post("/{name}/meshes/{mesh}/show", status_code=204)
+def show_mesh(served: Served, name: str, mesh: str) -> None:
+    """Show it in the 3D view; of very fine ones a coarser likeness."""
+    busy = (JobState.RUNNING, JobState.PAUSED)
+    if served.scene.shown.is_live and any(
+        job.kind == "scan" and job.state in busy for job in served.runner.jobs()
+    ):
+        raise ScanBusy("The view shows the scan that is being taken.", "Show the mesh when it has ended.")
+    item = mesh_of(served.library.folder_of(name), mesh)
+    served.scene.show_mesh(name, item.name, to_count(read_mesh(item.path), _SHOWN_TRIANGLES))
