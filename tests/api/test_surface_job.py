@@ -34,8 +34,10 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
 
 def test_a_cloud_becomes_a_mesh_to_download_and_to_show(client: TestClient) -> None:
     wanted = {
-        "scan": SCAN, "steps": [{"kind": "quality", "least": 0.1}], "mesh": {"cell_mm": 1.2, "triangles": 900},
-    }  # fmt: skip
+        "scan": SCAN,
+        "steps": [{"kind": "quality", "least": 0.1}],
+        "mesh": {"cell_mm": 1.2, "triangles": 900},
+    }
     job = _ended(client, client.post(f"{API}/jobs/surface", json=wanted).json()["id"])
     assert job["state"] == "done", job["problem"]
     assert job["result"]["printing"]["findings"][0]["state"] == "good"
