@@ -1,5 +1,8 @@
 """Normals for clouds that have none, such as those of other programs."""
 
+import math
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -74,12 +77,16 @@ def least_spread(places: Places, neighbours: int = _NEIGHBOURS) -> NDArray[np.fl
         return found
     # About the middle, single precision is finer than the points themselves, and half as much to move.
     x, y, z = np.ascontiguousarray((places.points - np.median(places.points, axis=0)).T, np.float32)
-    for part, _, numbers in places.nearest(min(neighbours, len(places))):
-        for start in range(0, len(numbers), _IN_CACHE):
-            near = numbers[start : start + _IN_CACHE]
-            columns = [axis[near] for axis in (x, y, z)]
-            first = part.start + start
-            found[first : first + len(near)] = _smallest_eigenvector(_spreads(columns))
+    count = np.arange(1, min(neighbours, len(places)) + 1)
+
+    def work(start: int) -> None:
+        part = slice(start, start + _IN_CACHE)
+        _, near = places.tree.query(places.points[part], k=count)
+        found[part] = _smallest_eigenvector(_spreads([axis[near] for axis in (x, y, z)]))
+
+    # Search and arithmetic both let other threads run: every core has its own piece.
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        list(threads.map(work, range(0, len(places), _IN_CACHE)))
     return found
 
 
@@ -128,7 +135,9 @@ def _turned_outwards(places: Places, normals: NDArray[np.float32]) -> NDArray[np
     """The same, each of them out of the surface."""
     extent = float(np.ptp(places.points, axis=0).max())
     spacing = places.spacing_mm()
-    size = max(_PATCH_SPACINGS * spacing, extent / (1 << 20))
+    # Points strewn at random lie twice as far apart as the usual distance to the nearest of them.
+    size = spacing * max(_PATCH_SPACINGS, 2.0 * math.sqrt(2.0 * len(places) / _MOST_PATCHES))
+    size = max(size, extent / (1 << 20))
     while True:
         _, patch = np.unique(cell_keys(places.points, size), return_inverse=True)
         count = int(patch.max()) + 1
