@@ -51,6 +51,7 @@ export function sendFile(
   path: string,
   file: Blob,
   onProgress: (share: number) => void = () => {},
+  breakOff?: AbortSignal,
 ): Promise<unknown> {
   // The one thing that fetch cannot tell: how far a body has got.
   return new Promise((done, fail) => {
@@ -64,6 +65,8 @@ export function sendFile(
       const said = asProblem(request.response);
       fail(new Refusal(said.type.replace("turnscan:", ""), said.title, said.hint ?? "", request.status));
     };
+    request.onabort = () => fail(new DOMException("broken off", "AbortError"));
+    breakOff?.addEventListener("abort", () => request.abort());
     request.send(file);
   });
 }
