@@ -1,13 +1,16 @@
 """Fewer triangles: so many, or as few as a tolerance allows."""
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from app.geometry.arrays import Points
 from app.geometry.mesh import TriangleMesh
 from app.surface.meshing.distance import distances_to
 from app.surface.meshing.topology import is_watertight
 
 _STEP = 0.6
+_FLAT_SHARE = 0.6
 _FEWEST = 100
 _MEASURED_POINTS = 30_000
 # Of the points that were measured; single ones stand at edges that no triangle of that size can follow.
@@ -38,15 +41,33 @@ def to_tolerance(mesh: TriangleMesh, tolerance_mm: float) -> TriangleMesh:
     """
     must_close = is_watertight(mesh)
     asked = mesh.vertices[:: -(-len(mesh.vertices) // _MEASURED_POINTS) or 1].astype(np.float64)
+
+    def may_stand_for_it(fewer: TriangleMesh) -> bool:
+        if not len(fewer) or (must_close and not is_watertight(fewer)):
+            return False
+        return bool(np.percentile(distances_to(fewer, asked), _WITHIN_PERCENTILE) <= tolerance_mm)
+
     kept = mesh
+    if must_close:
+        # What is flat within the tolerance goes first: leaps move sharp edges before they empty faces.
+        flat = _flattened(mesh, _FLAT_SHARE * tolerance_mm)
+        kept = flat if may_stand_for_it(flat) else mesh
     while len(kept) > _FEWEST:
         fewer = _reduced(kept, int(_STEP * len(kept)))
-        if len(fewer) >= 0.95 * len(kept) or (must_close and not is_watertight(fewer)):
-            break
-        if np.percentile(distances_to(fewer, asked), _WITHIN_PERCENTILE) > tolerance_mm:
+        if len(fewer) >= 0.95 * len(kept) or not may_stand_for_it(fewer):
             break
         kept = fewer
     return kept
+
+
+def _flattened(mesh: TriangleMesh, tolerance_mm: float) -> TriangleMesh:
+    """With edges collapsed that lie flat; nothing where the mesh is no solid."""
+    # Loaded here: few commands need it.
+    from manifold3d import Manifold, Mesh
+
+    solid = Manifold(Mesh(np.ascontiguousarray(mesh.vertices), mesh.faces.astype(np.uint32)))
+    found = solid.simplify(tolerance_mm).to_mesh()
+    return _coloured_like(mesh, np.asarray(found.vert_properties)[:, :3], np.asarray(found.tri_verts))
 
 
 def _reduced(mesh: TriangleMesh, triangles: int) -> TriangleMesh:
@@ -56,8 +77,12 @@ def _reduced(mesh: TriangleMesh, triangles: int) -> TriangleMesh:
     vertices, faces = fast_simplification.simplify(
         mesh.vertices.astype(np.float64), mesh.faces, target_count=triangles
     )[:2]
+    return _coloured_like(mesh, vertices, faces)
+
+
+def _coloured_like(mesh: TriangleMesh, vertices: Points, faces: NDArray[np.integer]) -> TriangleMesh:
     colours = None
-    if mesh.colours is not None:
+    if mesh.colours is not None and len(vertices):
         _, nearest = cKDTree(mesh.vertices).query(vertices, workers=-1)
         colours = mesh.colours[nearest]
     return TriangleMesh(vertices.astype(np.float32), faces.astype(np.int32), colours)
