@@ -1,5 +1,6 @@
 /** The only WebSocket for news: comes back by itself, and says when it was lost and found. */
-import { API, NOT_LOGGED_IN, socketAddress, toLogin } from "./addresses";
+import { API, NOT_LOGGED_IN, socketAddress } from "./addresses";
+import { enterAgain } from "./entry";
 import type { AnyEventOut } from "./schema.gen";
 
 export interface Ears {
@@ -29,7 +30,7 @@ export function listen(ears: Ears): () => void {
     mine.onmessage = (message) => ears.onNews(JSON.parse(message.data as string) as AnyEventOut);
     mine.onclose = (event) => {
       if (isOver || socket !== mine) return;
-      if (event.code === NOT_LOGGED_IN) return toLogin();
+      if (event.code === NOT_LOGGED_IN) return void enterAgain(() => !isOver && open());
       ears.onLost();
       timer = setTimeout(open, wait * (0.75 + Math.random() / 2));
       wait = Math.min(2 * wait, LONGEST_WAIT_MS);

@@ -2,7 +2,8 @@
  * Live pictures over a WebSocket: one is sent for each that was shown, so a slow page sees fewer, never old ones.
  * The messages are described at the head of `app/live/picture.py`.
  */
-import { API, NOT_LOGGED_IN, socketAddress, toLogin } from "./addresses";
+import { API, NOT_LOGGED_IN, socketAddress } from "./addresses";
+import { enterAgain } from "./entry";
 
 export type LiveKind = "raw" | "mask" | "overlay" | "stripe";
 
@@ -130,7 +131,7 @@ export function watch(options: LiveOptions): () => void {
     mine.onclose = (event) => {
       if (socket !== mine) return;
       socket = undefined;
-      if (event.code === NOT_LOGGED_IN) return toLogin();
+      if (event.code === NOT_LOGGED_IN) return void enterAgain(() => !isOver && open());
       if (isOver || document.visibilityState !== "visible") return;
       options.onLost?.();
       timer = setTimeout(open, WAIT_MS);
