@@ -99,6 +99,7 @@ class Bench:
         self.stops = 0
         self.zero_name = uuid4().hex
         self._is_halted = False
+        self._is_guarded = False
         self._where: PositionUnknown | None = None
 
     @classmethod
@@ -157,6 +158,8 @@ class Bench:
             DeviceError: as `Turntable.connect`.
         """
         self._note_dark(*self.lasers_on)
+        if not self.turntable.is_connected:
+            self._is_guarded = False
         try:
             self.turntable.connect()
         except PositionUnknown as error:
@@ -164,6 +167,7 @@ class Bench:
         finally:
             if self.turntable.is_connected:
                 self._watchdog.guard(self.turntable.farewell)
+                self._is_guarded = True
         self._problems.pop("turntable", None)
         if self._where is not None:
             raise self._where
@@ -210,6 +214,7 @@ class Bench:
                 self.description, self.lasers = fresh.description, fresh.lasers
                 self.turntable, self.camera, self.world = fresh.turntable, fresh.camera, fresh.world
                 self._folder, self._watchdog, self._lit = fresh._folder, fresh._watchdog, fresh._lit
+                self._is_guarded = False
                 self._lit_at_s.clear()
                 for device in ("turntable", "camera"):
                     self._problems.pop(device, None)
@@ -274,6 +279,11 @@ class Bench:
             raise OptionError(f"The bench has no laser called {name!r}.", f"It has: {known}.")
         if is_on and self._is_halted:
             raise MoveStopped(self.description.turntable.driver, "the emergency stop was pressed")
+        if is_on and not self._is_guarded:
+            # Nobody could put it out again if this program died now.
+            raise DeviceLost(
+                self.description.turntable.driver, "is not connected yet", "Connect it, or wait until it is."
+            )
         if is_on:
             # Noted before it is done, so that nobody who asks in between is told that it is dark.
             with self._lock:

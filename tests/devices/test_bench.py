@@ -121,6 +121,16 @@ def test_a_camera_that_is_missing_does_not_keep_the_table_from_turning() -> None
         assert bench.snapshot().problems == ()
 
 
+def test_no_laser_is_lit_before_somebody_guards_the_board() -> None:
+    with Bench.build(simulated_description("horus")) as bench:
+        with pytest.raises(DeviceError, match="not connected yet"):
+            bench.switch("left", True)
+        assert bench.lasers_on == ()
+        bench.connect_turntable()
+        bench.switch("left", True)
+        assert bench.lasers_on == ("left",)
+
+
 def test_a_board_that_is_missing_does_not_keep_the_camera_from_seeing() -> None:
     with Bench.build(_described()) as bench:
         _world(bench).port.unplug()
