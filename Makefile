@@ -3,6 +3,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out
+CHROMIUM := apt-get install -qq -y chromium < /dev/null > /dev/null 2>&1
 
 .PHONY: run test check kernels pages pages-check pages-test api bench docker-steps clean
 
@@ -32,7 +33,7 @@ pages-check: $(MODULES)
 
 pages-test: $(MODULES)
 	cd web && npm run --silent test
-	@test -x /usr/bin/chromium || apt-get install -qq -y chromium < /dev/null > /dev/null 2>&1 || echo "No chromium: the page is not tested in a browser."
+	@test -x /usr/bin/chromium || $(CHROMIUM) || (apt-get update -qq && $(CHROMIUM)) > /dev/null 2>&1 || echo "No chromium: the page is not tested in a browser."
 else
 pages-check pages-test:
 	@echo "The page is not checked: npm is not here."
