@@ -43,9 +43,11 @@ endif
 kernels: $(STAMP)
 	$(BIN)/python tests/compile_kernels.py
 
-test: pages pages-test
-	$(MAKE) -j2 check kernels
-	$(BIN)/pytest -n auto --dist worksteal
+test:
+	$(MAKE) -j2 $(STAMP) $(MODULES)
+	$(MAKE) pages
+	$(MAKE) -j2 check kernels pages-test
+	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
 
 # What the API offers, for programs and for the page's types. Run it after changing a route.
 api: $(STAMP) $(MODULES)
