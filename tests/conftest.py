@@ -19,9 +19,17 @@ settings.load_profile("house")
 # Files that take long: begun last they would keep one core busy while the other has nothing to do. A file is
 # never torn apart, so that what its tests share is made once.
 _FIRST = (
-    "test_journey.py", "test_planted_faults.py", "test_turntable_green.py", "test_whole_scan.py",
-    "test_jobs.py", "test_stopping.py", "test_page.py", "test_every_board.py", "test_in_browser.py", "test_identify.py",
-)  # fmt: skip
+    "test_journey.py",
+    "test_planted_faults.py",
+    "test_turntable_green.py",
+    "test_whole_scan.py",
+    "test_jobs.py",
+    "test_stopping.py",
+    "test_page.py",
+    "test_every_board.py",
+    "test_in_browser.py",
+    "test_identify.py",
+)
 
 _SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
