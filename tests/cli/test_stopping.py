@@ -96,8 +96,6 @@ def test_a_disk_that_fills_up_at_the_report_leaves_the_calibration_whole(
     ("command", "module", "name", "call"),
     [
         ("reconstruct", "app.recording.reader", "Recording.load", 12),
-        ("reconstruct", "app.surface.ply", "PlyWriter.append", 5),
-        ("calibrate", "app.recording.reader", "Recording.load", 20),
         ("calibrate", "app.calibration.solver", "residuals", 6),
         ("calibrate", "app.files", "os.fsync", 1),
         ("simulate", "app.recording.writer", "RecordingWriter.append_encoded", 5),

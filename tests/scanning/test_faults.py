@@ -27,7 +27,7 @@ from app.scanning.find_angle import MarkerFinder
 from app.scanning.run import Recovery, run_scan
 from app.scanning.session import ScanSession
 
-SCANS, FAULTS_EACH = 6, 10
+SCANS, FAULTS_EACH = 3, 10
 _STEPS = 40
 _RATE = 10.0
 _LONGEST_S = 300.0
