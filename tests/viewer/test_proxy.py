@@ -138,9 +138,9 @@ def test_a_viewer_who_never_reads_costs_no_memory_and_delays_nobody() -> None:
         resident, received = _resident_bytes(), quick.received
         for _ in range(rounds):
             scan()
-        # What the stalled viewer would be owed if nothing were left out.
+        # What the stalled viewer would be owed if nothing were left out: so much that keeping it would show.
         owed = quick.received - received
-        assert owed > rounds * points * 9
+        assert owed > 30e6
         assert _resident_bytes() - resident < 0.5 * owed
 
 
