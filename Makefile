@@ -9,7 +9,7 @@ CHROMIUM := apt-get install -qq -y chromium < /dev/null > /dev/null 2>&1
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
-	TURNSCAN_WITHOUT_PAGES=1 $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[fast,mdns,dev]'
+	TURNSCAN_WITHOUT_PAGES=1 $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check --editable '.[fast,mdns,dev]'
 	touch $(STAMP)
 
 run: $(STAMP) pages
