@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from app.errors import PointCloudFileError
-from app.geometry.arrays import Floats, Points
-from app.surface.ply_reader import PlyFile
+from app.surface.neighbours import Places, is_finite
+from app.surface.thinning import read_thinned
 
 _MOST_POINTS = 500_000
 _MOST_QUESTIONS = 50_000
@@ -51,41 +50,25 @@ def deviation(first: Path, second: Path) -> Deviation:
     Raises:
         PointCloudFileError: one of them cannot be read, or is empty.
     """
-    clouds = [_chosen(path) for path in (first, second)]
-    trees = [cKDTree(points) for points in clouds]
-    spacing = max(_spacing(points, tree) for points, tree in zip(clouds, trees, strict=True))
-    return Deviation(_distances(clouds[0], trees[1]), _distances(clouds[1], trees[0]), spacing)
+    clouds = [_places(path) for path in (first, second)]
+    spacing = max(places.spacing_mm() for places in clouds)
+    return Deviation(_distances(clouds[0], clouds[1]), _distances(clouds[1], clouds[0]), spacing)
 
 
-def _chosen(path: Path) -> Points:
-    """Every k-th point (N, 3), read piece by piece."""
-    file = PlyFile.open(path)
-    step = -(-file.points // _MOST_POINTS) or 1
-    kept, done = [], 0
-    for piece in file.pieces():
-        kept.append(piece.points[-done % step :: step].astype(np.float64))
-        done += len(piece)
-    if not done:
+def _places(path: Path) -> Places:
+    points = read_thinned(path, _MOST_POINTS).cloud.points
+    points = points[is_finite(points)]
+    if not len(points):
         raise PointCloudFileError(str(path), "has no points")
-    return np.concatenate(kept)
+    return Places.of(points)
 
 
-def _asked(points: Points) -> Points:
-    return points[:: -(-len(points) // _MOST_QUESTIONS)]
-
-
-def _distances(points: Points, tree: cKDTree) -> Distances:
-    asked = _asked(points)
-    found: Floats = np.asarray(tree.query(asked)[0])
+def _distances(places: Places, others: Places) -> Distances:
+    asked = places.points[:: -(-len(places) // _MOST_QUESTIONS)]
+    found = np.concatenate([distances[:, 0] for _, distances, _ in others.nearest(1, asked)])
     return Distances(
         len(asked),
         float(np.median(found)),
         float(np.sqrt(np.mean(found**2))),
         float(np.quantile(found, 0.95)),
     )
-
-
-def _spacing(points: Points, tree: cKDTree) -> float:
-    if len(points) < 2:
-        return 0.0
-    return float(np.median(np.asarray(tree.query(_asked(points), 2)[0])[:, 1]))

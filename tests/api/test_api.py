@@ -90,7 +90,6 @@ def test_events_come_over_the_socket(client: TestClient) -> None:
     assert mine[-1]["state"] == "done"
 
 
-@pytest.mark.realtime
 def test_live_pictures_come_when_they_are_asked_for(client: TestClient) -> None:
     with client.websocket_connect(f"{API}/live/overlay?width=320", headers={"host": "localhost"}) as socket:
         for _ in range(2):

@@ -46,7 +46,6 @@ def test_a_ball_is_calibrated_for_scanned_and_true(journey: Journey, server: Run
     assert not [*folder.glob("*nothing*")]
 
 
-@pytest.mark.realtime
 @pytest.mark.usefixtures("journey")
 def test_a_continuous_scan_of_the_client_is_true(server: Running, tmp_path: Path) -> None:
     # A table that turns steadily is timed, so this one's time is ours.

@@ -112,7 +112,6 @@ def test_a_board_on_the_table_tells_as_much_as_markers(tmp_path: Path) -> None:
     assert turned == pytest.approx(360.0 * 3200.0 / 3150.0, rel=5e-4)
 
 
-@pytest.mark.realtime
 def test_a_late_camera_that_tells_its_times_is_named(tmp_path: Path) -> None:
     report = report_of(described(**REAL_TIME, camera_latency_s=0.12), tmp_path, ["camera"])
 
@@ -121,7 +120,6 @@ def test_a_late_camera_that_tells_its_times_is_named(tmp_path: Path) -> None:
     assert measured(report, "camera.latency", "latency_ms") == pytest.approx(128.0, abs=12.0)
 
 
-@pytest.mark.realtime
 def test_a_late_camera_without_times_is_named_with_what_to_write(tmp_path: Path) -> None:
     description = described(**REAL_TIME, camera_latency_s=0.12, has_timestamps=False)
     report = report_of(description, tmp_path, ["camera"])
@@ -134,7 +132,6 @@ def test_a_late_camera_without_times_is_named_with_what_to_write(tmp_path: Path)
     assert float(told[1]) == pytest.approx(found_ms, abs=1.0)
 
 
-@pytest.mark.realtime
 def test_stale_frames_are_counted_and_are_no_latency(tmp_path: Path) -> None:
     report = report_of(described(**REAL_TIME, stale_frames=2), tmp_path, ["camera"])
 

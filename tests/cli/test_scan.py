@@ -79,7 +79,6 @@ def test_a_scan_gives_a_recording_and_a_cloud(tmp_path: Path, bench: Path) -> No
     assert len(Recording.open(tmp_path / "scan").entries) == 36
 
 
-@pytest.mark.realtime
 def test_a_continuous_scan_from_the_command_line(tmp_path: Path) -> None:
     bench = tmp_path / "bench.toml"
     bench.write_text(_SIMULATED.replace("rate = 20.0", "rate = 1.0"))

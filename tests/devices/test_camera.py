@@ -353,7 +353,6 @@ def test_a_camera_that_was_never_connected_says_so(scripted: ScriptedCamera) -> 
     camera.disconnect()
 
 
-@pytest.mark.realtime
 def test_a_frozen_camera_can_be_let_go_at_once(camera: Camera, scripted: ScriptedCamera) -> None:
     scripted.is_frozen = True
     errors: list[DeviceError] = []

@@ -19,11 +19,13 @@ from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
 
 _PROGRAM = """
-import sys, time
+import signal, sys, time
 import serial
 from app.devices.turntable import Farewell
 from app.devices.watchdog import Watchdog
 
+# Whoever starts the tests in the background has them ignore it.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 port = serial.Serial(sys.argv[1], 115200, exclusive=True)
 watchdog = Watchdog()
 watchdog.guard(Farewell(sys.argv[1], 115200, ((b"0", 0.0),)))

@@ -282,7 +282,6 @@ def test_settings_change_while_people_look(live: LivePictures) -> None:
         assert inspect(narrow.data).size == (100, 75)
 
 
-@pytest.mark.realtime
 def test_making_pictures_keeps_to_its_share_of_the_processor(driver: CountedCamera, camera: Camera) -> None:
     driver.fps = 1000.0
     with watched(LivePictures(camera, _RED, lit=lambda: ("left",), share=0.05)) as live:

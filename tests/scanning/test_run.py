@@ -214,7 +214,6 @@ def test_a_bench_that_hurries_is_not_scanned_by_time(tmp_path: Path) -> None:
     assert not (tmp_path / "scan").exists()
 
 
-@pytest.mark.realtime
 def test_a_continuous_scan_leaves_no_hole_and_knows_every_angle(tmp_path: Path) -> None:
     with bench_with(description(rate=1.0)) as bench:
         scan = plan(mode="continuous", lasers=("left",), seconds_per_turn=6.0, turn_deg=120.0)
@@ -234,7 +233,6 @@ def test_a_continuous_scan_leaves_no_hole_and_knows_every_angle(tmp_path: Path) 
         assert angles[-1] == pytest.approx(120.0 * (number + 1), abs=6.2)
 
 
-@pytest.mark.realtime
 @pytest.mark.parametrize("fault", ["board", "camera"])
 def test_a_steady_turn_that_breaks_off_is_taken_up_where_it_ended(tmp_path: Path, fault: str) -> None:
     with bench_with(description(rate=1.0, has_platter=True, width=400, height=300)) as bench:

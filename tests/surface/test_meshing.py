@@ -9,12 +9,12 @@ import trimesh
 from app.errors import SurfaceError
 from app.geometry.cloud import PointCloud
 from app.geometry.mesh import TriangleMesh
-from app.surface.meshing.distance import distances_to
 from app.surface.meshing.holes import fill_holes
 from app.surface.meshing.make import make_mesh
 from app.surface.meshing.options import MeshOptions
 from app.surface.meshing.simplify import to_count, to_tolerance
 from app.surface.meshing.topology import is_watertight, pieces_of, rim_edges, with_faces
+from app.surface.signed_distance import distances_to_mesh
 
 RADIUS_MM = 20.0
 
@@ -50,7 +50,7 @@ def test_fewer_triangles_keep_it_closed_coloured_and_within_the_tolerance() -> N
     within = to_tolerance(fine, 0.05)
     few = to_count(fine, 500)
     assert len(within) < 0.5 * len(fine)
-    assert np.percentile(distances_to(within, fine.vertices.astype(np.float64)), 99) <= 0.05
+    assert np.percentile(np.abs(distances_to_mesh(fine.vertices, within)), 99) <= 0.05
     assert 400 <= len(few) <= 500
     for mesh in (fine, within, few):
         assert _is_watertight(mesh)

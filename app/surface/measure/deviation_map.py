@@ -10,9 +10,9 @@ from app.errors import SurfaceError
 from app.geometry.arrays import Floats
 from app.geometry.cloud import PointCloud
 from app.geometry.mesh import TriangleMesh
-from app.surface.measure.signed_distance import distances_to_cloud, distances_to_mesh
 from app.surface.measure.thing import Thing, points_of
 from app.surface.neighbours import is_finite
+from app.surface.signed_distance import distances_to_cloud, distances_to_mesh
 
 _BINS = 61
 # Colours run to this quantile of the distances, so that a few stray points do not pale all others.

@@ -6,8 +6,8 @@ from scipy.spatial import cKDTree
 
 from app.geometry.arrays import Points
 from app.geometry.mesh import TriangleMesh
-from app.surface.meshing.distance import distances_to
 from app.surface.meshing.topology import is_watertight
+from app.surface.signed_distance import distances_to_mesh
 
 _STEP = 0.6
 _FLAT_SHARE = 0.6
@@ -45,7 +45,9 @@ def to_tolerance(mesh: TriangleMesh, tolerance_mm: float) -> TriangleMesh:
     def may_stand_for_it(fewer: TriangleMesh) -> bool:
         if not len(fewer) or (must_close and not is_watertight(fewer)):
             return False
-        return bool(np.percentile(distances_to(fewer, asked), _WITHIN_PERCENTILE) <= tolerance_mm)
+        return bool(
+            np.percentile(np.abs(distances_to_mesh(asked, fewer)), _WITHIN_PERCENTILE) <= tolerance_mm
+        )
 
     kept = mesh
     if must_close:
