@@ -134,10 +134,16 @@ def _one_turn(
                 # It has turned on meanwhile: the same place comes by again, some turns later.
                 angle.offset_deg -= 360.0 * math.ceil((table.angle_deg - start_deg) / 360.0)
             wanted = _between(bench, stream, angle, from_deg, ends_deg)
-            for frame, data in ordered_map(lambda frame: (frame, frame.encoded("jpeg")), wanted, _DEVELOPERS):
-                middle_s = _middle_s(frame)
-                at_deg = angle.at(middle_s)
-                yield Taken(data, frame, look, frame.index, at_deg, middle_s, frame.exposure_us)
+            developed = ordered_map(lambda frame: (frame, frame.encoded("jpeg")), wanted, _DEVELOPERS)
+            try:
+                for frame, data in developed:
+                    middle_s = _middle_s(frame)
+                    at_deg = angle.at(middle_s)
+                    yield Taken(data, frame, look, frame.index, at_deg, middle_s, frame.exposure_us)
+            finally:
+                # Whatever ends it, no picture is waited for any more before the lasers go off.
+                stream.end()
+                developed.close()
     if not table.facts.turns_by_itself:
         table.finish_turning()
 

@@ -34,7 +34,7 @@ PictureSource = Callable[[], Image | None]
 """The newest camera picture, blue, green, red or grey; None where there is no newer one."""
 
 _PULSE_S = 0.05
-_CLOUD_PERIOD_S = 0.2
+_CLOUD_PERIOD_S = 0.1
 _PICTURE_PERIOD_S = 0.2
 _CLOSING_S = 10.0
 _PICKING_S = 20.0
@@ -45,7 +45,7 @@ class CloudView:
     """A scene that every viewer sees alike; each looks at it from where he likes.
 
     Every method returns at once and may be called from any thread; what was asked for is drawn in the order
-    of the calls. Points are sent every 0.2 s, the table turns up to 20 times a second.
+    of the calls. Points are sent every 0.1 s, the table turns up to 20 times a second.
 
     Args:
         table_radius_mm: of the turntable.

@@ -23,7 +23,32 @@ def test_only_a_few_items_are_under_way() -> None:
     results = ordered_map(lambda k: k, items(), workers=2, ahead=3)
     for done, _ in zip(range(50), results, strict=False):
         assert taken <= done + 1 + 2 + 3
-    results.close()  # type: ignore[attr-defined]
+    results.close()
+
+
+def test_a_result_does_not_wait_for_the_items_that_are_still_to_come() -> None:
+    may_go_on = threading.Event()
+
+    def items() -> Iterator[int]:
+        yield 1
+        assert may_go_on.wait(60.0)
+        yield 2
+
+    results = ordered_map(lambda k: k, items(), workers=2)
+    assert next(results) == 1
+    may_go_on.set()
+    assert list(results) == [2]
+
+
+def test_an_error_of_the_items_arrives_after_the_results_of_those_before() -> None:
+    def items() -> Iterator[int]:
+        yield 1
+        raise KeyError(2)
+
+    results = ordered_map(lambda k: k, items(), workers=2)
+    assert next(results) == 1
+    with pytest.raises(KeyError):
+        next(results)
 
 
 def test_an_error_arrives_at_its_place_and_ends_the_threads() -> None:
@@ -42,7 +67,7 @@ def test_an_error_arrives_at_its_place_and_ends_the_threads() -> None:
 def test_an_interrupted_reader_leaves_no_thread_behind() -> None:
     results = ordered_map(lambda k: k, range(1000), workers=2)
     next(iter(results))
-    results.close()  # type: ignore[attr-defined]
+    results.close()
     assert not [thread for thread in threading.enumerate() if thread.name.startswith("stripes")]
 
 
