@@ -1,0 +1,1 @@
+"""Several scans of one thing become one cloud."""
