@@ -41,6 +41,43 @@ _NAMES: Final = {
     "app__live__settings__Kind": "LiveKind",
 }
 _COUNTED: Final = {"type": "integer", "minimum": 0}
+_PIXEL: Final = {"type": "array", "items": {"type": "number"}, "minItems": 2, "maxItems": 2}
+_LIVE_NUMBERS: Final = {
+    "type": "object",
+    "required": ["points", "saturated", "focus", "histogram", "exposure_us", "corners", "markers"],
+    "properties": {
+        "points": _COUNTED | {"description": "Of the stripes."},
+        "saturated": _COUNTED | {"description": "Of these the clipped ones."},
+        "focus": {"type": "number", "description": "The larger the sharper, for one scene and exposure."},
+        "histogram": {"type": "array", "items": {"type": "number"}, "minItems": 64, "maxItems": 64},
+        "exposure_us": {"anyOf": [{"type": "number"}, {"type": "null"}]},
+        "corners": _COUNTED | {"description": "Of the calibration board, as far as it was found."},
+        "markers": _COUNTED | {"description": "On the table, as far as they were found."},
+    },
+}
+_LIVE_MARKS: Final = {
+    "type": "object",
+    "description": "Kind 3: what may be drawn over the picture, in pixels of the camera.",
+    "required": ["outlines", "board", "markers"],
+    "properties": {
+        "outlines": {"type": "array", "items": {"type": "array", "items": _PIXEL}},
+        "board": {
+            "type": "array",
+            "description": "Number and place of each corner.",
+            "items": {"type": "array", "items": {"type": "number"}, "minItems": 3, "maxItems": 3},
+        },
+        "markers": {
+            "type": "array",
+            "description": "Number and four corners of each marker.",
+            "items": {
+                "type": "array",
+                "prefixItems": [_COUNTED, {"type": "array", "items": _PIXEL}],
+                "minItems": 2,
+                "maxItems": 2,
+            },
+        },
+    },
+}
 _LIVE_MESSAGE: Final = {
     "type": "object",
     "description": (
@@ -57,7 +94,7 @@ _LIVE_MESSAGE: Final = {
         "size": {"type": "array", "items": {"type": "integer"}, "minItems": 2, "maxItems": 2},
         "is_stale": {"type": "boolean"},
         "problem": {"type": "string", "description": "Why no newer picture comes."},
-        "numbers": {"anyOf": [{"type": "object"}, {"type": "null"}]},
+        "numbers": {"anyOf": [_LIVE_NUMBERS, {"type": "null"}]},
         "parts": {"type": "integer", "description": "Kind 3: so many make a pixel."},
         "stripes": {
             "type": "array",
@@ -67,7 +104,7 @@ _LIVE_MESSAGE: Final = {
                 "prefixItems": [{"type": "string"}, {"enum": ["vertical", "horizontal"]}, _COUNTED],
             },
         },
-        "marks": {"type": "object", "description": "Kind 3: outlines, board and markers, in pixels."},
+        "marks": _LIVE_MARKS,
     },
 }
 _SOCKETS: Final = {

@@ -171,6 +171,7 @@ EXAMPLES: Final[dict[str, Any]] = {
     "ImportedOut": {"calibration": _KEPT_WHOLE, "was_there": False},
     "JobOut": _JOB,
     "Line": {"line": "G90", "understood": True},
+    "DetectorOut": {"name": "zero-crossing", "threshold": 12.0},
     "LiveIn": {"threshold": 25.0, "channel": "red"},
     "LiveMessage": {
         "frame": 7, "exposed_s": 12.5, "size": [640, 480], "is_stale": False, "problem": "", "numbers": None,

@@ -236,7 +236,7 @@ def _reconstructed(
     run = reconstruct_recording(
         recording,
         record.rig,
-        scan_detector(order.detector),
+        scan_detector(order.detector, order.options.threshold),
         order.options,
         layout_of(record) or None,
         DriftReference.kept_in(record.extra),

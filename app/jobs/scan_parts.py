@@ -82,9 +82,11 @@ def live_points_for(
         return None
     way = math.radians(1.0 if bench.description.turntable.direction == "ccw" else -1.0)
     has_partners = session.plan.mode == "step" and session.plan.with_dark
+    options = options or ReconstructionOptions()
     return LivePoints(
-        rig, scan_detector(detector), {name: entry.colour for name, entry in bench.lasers.items()},
+        rig, scan_detector(detector, options.threshold),
+        {name: entry.colour for name, entry in bench.lasers.items()},
         lambda angle_deg: way * angle_deg, on_profile=on_profile,
         is_grey=has_partners and bench.camera.facts.gives_jpeg,
-        options=replace(options or ReconstructionOptions(), ahead=0, with_colour=False),
+        options=replace(options, ahead=0, with_colour=False),
     )  # fmt: skip

@@ -81,7 +81,7 @@ def reconstruct_again(
     run = reconstruct_recording(
         Recording.open(folder),
         record.rig,
-        scan_detector(detector),
+        scan_detector(detector, options.threshold),
         options,
         layout_of(record) or None,
         DriftReference.kept_in(record.extra),

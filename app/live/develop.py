@@ -1,6 +1,6 @@
 """From what a frame shows to a picture of one kind, and the picture for when there is none."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,13 +60,13 @@ def develop(flavour: Flavour, sight: Sight, found: Found, own_jpeg: bytes | None
             return _picture(flavour, sight, own_jpeg)
         return _picture(flavour, sight, _jpeg(shrunk(sight.image, width), sight))
     if flavour.kind is Kind.STRIPE:
-        return _numbered(flavour, sight).with_stripes(sight.stripes, _marks(sight, found, _EVERY))
+        return _numbered(flavour, sight, found).with_stripes(sight.stripes, _marks(sight, found, _EVERY))
     if flavour.kind is Kind.MASK:
         mask = shrunk(255 * sight.mask.astype(np.uint8), width)
         if flavour.is_packed:
-            return _numbered(flavour, sight).with_bits(mask > 0)
-        return _numbered(flavour, sight, _jpeg(mask, sight))
-    return _numbered(flavour, sight, _jpeg(painted(sight.image, _marks(sight, found), width), sight))
+            return _numbered(flavour, sight, found).with_bits(mask > 0)
+        return _numbered(flavour, sight, found, _jpeg(mask, sight))
+    return _numbered(flavour, sight, found, _jpeg(painted(sight.image, _marks(sight, found), width), sight))
 
 
 def nothing_new(flavour: Flavour, last: Frame | None, problem: str) -> LivePicture:
@@ -128,9 +128,10 @@ def _picture(flavour: Flavour, sight: Sight, data: bytes) -> LivePicture:
     return LivePicture(flavour.kind, data, JPEG, frame.index, frame.exposed_s, frame.size)
 
 
-def _numbered(flavour: Flavour, sight: Sight, data: bytes = b"") -> LivePicture:
-    frame = sight.frame
-    return LivePicture(flavour.kind, data, JPEG, frame.index, frame.exposed_s, frame.size, sight.numbers)
+def _numbered(flavour: Flavour, sight: Sight, found: Found, data: bytes = b"") -> LivePicture:
+    frame, markers = sight.frame, 0 if found.markers is None else len(found.markers.ids)
+    numbers = replace(sight.numbers, corners=found.corners, markers=markers)
+    return LivePicture(flavour.kind, data, JPEG, frame.index, frame.exposed_s, frame.size, numbers)
 
 
 def _last_image(last: Frame | None) -> Image:

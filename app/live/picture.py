@@ -54,6 +54,8 @@ class LiveNumbers:
             sharper, for one scene and exposure (Pech-Pacheco et al., Diatom autofocusing, 2000).
         histogram: share of the pixels in each of 64 bins of brightness, darkest first.
         exposure_us: how long the frame was exposed; None where the camera does not tell.
+        corners: of the calibration board that were found, 0 where it is not looked for.
+        markers: on the table that were found; likewise.
     """
 
     points: int
@@ -61,6 +63,8 @@ class LiveNumbers:
     focus: float
     histogram: tuple[float, ...]
     exposure_us: float | None = None
+    corners: int = 0
+    markers: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +154,8 @@ class LivePicture:
                 "focus": round(numbers.focus, 2),
                 "histogram": [round(share, 5) for share in numbers.histogram],
                 "exposure_us": None if numbers.exposure_us is None else round(numbers.exposure_us, 1),
+                "corners": numbers.corners,
+                "markers": numbers.markers,
             },
         }
 

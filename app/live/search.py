@@ -35,6 +35,11 @@ class Found:
     board: BoardObservation | None = None
     markers: MarkerObservation | None = None
 
+    @property
+    def corners(self) -> int:
+        """How many of the board."""
+        return len(self.board.ids) if self.board is not None and self.board.is_found else 0
+
 
 class Search:
     """At most one search at a time, each in a thread that ends with it."""

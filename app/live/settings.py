@@ -1,22 +1,19 @@
 """What a live picture shows, changed while people look."""
 
-import inspect
 import math
 from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from typing import Any, Literal, Self, TypeAlias, get_args
 
-import numpy as np
-
 from app.errors import OptionError
 from app.scanning.sources import scan_detector
-from app.vision.stripe import STRIPE_DETECTORS, StripeDetector
+from app.vision.polygon import MOST_CORNERS, Polygon, is_polygon
+from app.vision.stripe import STRIPE_DETECTORS, StripeDetector, usual_threshold
 
 Channel: TypeAlias = Literal["red", "green", "blue", "any", "difference"]
 
 _HINT = "Choose another value."
 _USUAL_THRESHOLD = 20.0
-_MOST_CORNERS = 64
 _WIDTHS = (240, 320, 480, 640, 800, 960, 1280, 1600, 1920, 2560, 3840)
 
 
@@ -60,7 +57,7 @@ class LiveSettings:
     shows_board: bool = True
     shows_markers: bool = True
     shows_region: bool = True
-    polygon: tuple[tuple[float, float], ...] = ()
+    polygon: Polygon = ()
 
     def changed(self, lasers: tuple[str, ...], **changes: Any) -> Self:
         """With other values, each checked.
@@ -89,22 +86,15 @@ class LiveSettings:
 
     def make_detector(self) -> StripeDetector:
         """As a scan uses it, at this threshold."""
-        if self.threshold is None or self._own_threshold is None:
-            return scan_detector(self.detector)
-        return scan_detector(self.detector, min_strength=self.threshold)
+        return scan_detector(self.detector, self.threshold)
 
     @property
     def level(self) -> float:
         """The threshold in force, grey levels."""
         if self.threshold is not None:
             return self.threshold
-        own = self._own_threshold
+        own = usual_threshold(self.detector)
         return _USUAL_THRESHOLD if own is None else own
-
-    @property
-    def _own_threshold(self) -> float | None:
-        taken = inspect.signature(STRIPE_DETECTORS.maker(self.detector)).parameters.get("min_strength")
-        return None if taken is None else float(taken.default)
 
 
 def usual_width(name: str, width: object) -> int | None:
@@ -166,15 +156,10 @@ def _is_whole(name: str, value: object, lowest: int, highest: int) -> None:
 
 
 def _is_polygon(name: str, value: object) -> None:
-    try:
-        corners = np.asarray(value, np.float64).reshape(-1, 2)
-    except (TypeError, ValueError):
-        corners = np.full((1, 2), np.nan)
-    is_inside = bool(((corners >= 0.0) & (corners <= 1.0)).all())
-    if not is_inside or len(corners) > _MOST_CORNERS or len(corners) in (1, 2):
+    if not is_polygon(value):
         raise OptionError(
             f"{name}: is no part of the picture.",
-            f"Give three to {_MOST_CORNERS} corners as shares of width and height, each from 0 to 1.",
+            f"Give three to {MOST_CORNERS} corners as shares of width and height, each from 0 to 1.",
         )
 
 

@@ -13,6 +13,7 @@ from app.live.dark import DarkReference
 from app.live.known import Known
 from app.live.picture import LiveNumbers, NamedStripe
 from app.live.settings import LiveSettings
+from app.vision.polygon import polygon_mask, stripe_inside
 from app.vision.stripe import Image, LaserColour, LaserStripe, LaserView, Orientation
 from app.vision.threshold import laser_mask, laser_response
 
@@ -139,16 +140,11 @@ class Sight:
         if not self.settings.polygon:
             return None
         height, width = self.image.shape[:2]
-        corners = np.rint(np.array(self.settings.polygon) * (width, height) - 0.5).astype(np.int32)
-        return np.asarray(cv2.fillPoly(np.zeros((height, width), np.uint8), [corners], 1)) > 0
+        return polygon_mask(self.settings.polygon, (width, height))
 
     def _kept(self, stripe: LaserStripe) -> LaserStripe:
         """What of a stripe lies in the polygon of interest."""
-        if self._inside is None or not len(stripe):
-            return stripe
-        height, width = self._inside.shape
-        u, v = np.rint(stripe.pixels).astype(np.intp).T
-        return stripe.select(self._inside[np.clip(v, 0, height - 1), np.clip(u, 0, width - 1)])
+        return stripe if self._inside is None else stripe_inside(stripe, self._inside)
 
     @cached_property
     def _dark_image(self) -> Image | None:

@@ -3,6 +3,9 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from app.errors import ReconstructionError
 from app.geometry.platter import SeenMarkers
 from app.geometry.rig import Rig
@@ -12,6 +15,7 @@ from app.scanning.exposures import combine_exposures
 from app.scanning.facing import LaserSides, stripe_orientation
 from app.scanning.stops import LitView, Stop, Texture
 from app.vision.markers import PlatterSpec, detect_markers
+from app.vision.polygon import Polygon, polygon_mask, stripe_inside
 from app.vision.stripe import LaserColour, LaserStripe, LaserView, Orientation, StripeDetector
 
 
@@ -24,7 +28,7 @@ class Sighting:
         names: files of its frames.
         turn_rad: nominal angle.
         stripes: every stripe with its laser.
-        found: how many points each of them had before the background was taken out.
+        found: how many points each of them had before the background was taken out, in the whole picture.
         markers: corners of the markers on the table.
         texture: colour picture of this stop or the nearest.
     """
@@ -48,6 +52,7 @@ class Observer:
         colours: of the lasers, by name.
         platter: markers to look for; None for none.
         background: the empty scene.
+        inside: pixels (H, W) on which stripes count; None for all.
     """
 
     rig: Rig
@@ -56,6 +61,7 @@ class Observer:
     platter: PlatterSpec | None
     background: Background
     orientations: Mapping[str, Orientation]
+    inside: NDArray[np.bool_] | None = None
     sides: dict[tuple[str, ...], LaserSides] = field(default_factory=dict)
 
     def observe(self, stop: Stop[Shot]) -> Sighting:
@@ -67,11 +73,14 @@ class Observer:
         names = tuple(frame.name for frame in stop.frames)
         seen = [pair for view in stop.views for pair in self.stripes(view)]
         stripes = tuple(
-            (laser, self.background.without(laser, stripe, self.orientations[laser]))
+            (laser, self.background.without(laser, self._inside(stripe), self.orientations[laser]))
             for laser, stripe in seen
         )
         found = tuple(len(stripe) for _, stripe in seen)
         return Sighting(stop.number, names, stop.turn_rad, stripes, found, self._markers(stop), stop.texture)
+
+    def _inside(self, stripe: LaserStripe) -> LaserStripe:
+        return stripe if self.inside is None else stripe_inside(stripe, self.inside)
 
     def stripes(self, view: LitView[Shot]) -> list[tuple[str, LaserStripe]]:
         """The stripe of every laser that is lit in a view."""
@@ -120,10 +129,12 @@ def observer_for(
     detector: StripeDetector,
     colours: Mapping[str, LaserColour],
     platter: PlatterSpec | None,
+    polygon: Polygon = (),
 ) -> Observer:
-    """An observer of a scene without background frames."""
+    """An observer of a scene without background frames, of the part of the picture in a polygon, if any."""
     orientations = {laser: stripe_orientation(rig, laser) for laser in rig.lasers}
-    return Observer(rig, detector, colours, platter, Background({}), orientations)
+    inside = polygon_mask(polygon, rig.camera.size) if polygon else None
+    return Observer(rig, detector, colours, platter, Background({}), orientations, inside)
 
 
 def seen_markers(shot: Shot, platter: PlatterSpec) -> SeenMarkers:

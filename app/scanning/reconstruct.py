@@ -25,7 +25,8 @@ from app.scanning.report import ReconstructionReport, SkippedFrame
 from app.scanning.sample import Sample
 from app.scanning.stops import Stop, T
 from app.scanning.table import REACH_MM, TableCheck, check_by_points
-from app.vision.stripe import LaserStripe
+from app.vision.polygon import Polygon
+from app.vision.stripe import LaserColour, LaserStripe
 
 # A stripe shorter than this, in every frame, is no stripe.
 _SHORTEST_STRIPE = 8
@@ -48,6 +49,9 @@ class ReconstructionOptions:
         shortest_piece: unbroken pieces of stripe with fewer points than this are taken for noise.
         with_colour: colour pictures are decoded and used.
         uses_markers: markers on the table tell the angle, where there are any.
+        threshold: for whoever makes the detector, see `scan_detector`.
+        channel: in which all lasers are looked for; None for each one's own colour.
+        polygon: part of the picture in which stripes count; none for all of it.
         skips_bad_frames: a stop with an unreadable frame is left out and reported instead of ending the run.
         workers: threads that decode and detect.
         ahead: how many stops may wait for their turn; 0 for a live scan.
@@ -60,6 +64,9 @@ class ReconstructionOptions:
     shortest_piece: int = 5
     with_colour: bool = True
     uses_markers: bool = True
+    threshold: float | None = None
+    channel: LaserColour | None = None
+    polygon: Polygon = ()
     skips_bad_frames: bool = False
     workers: int = 2
     ahead: int = 2
@@ -228,6 +235,10 @@ class Reconstruction(Generic[T]):
 
     def _check_result(self) -> None:
         _check_every_laser_seen(self._longest)
+        if self._points == 0 and self._outside == 0 and self._options.polygon:
+            raise ReconstructionError(
+                "The part of the picture that was drawn shows no stripe.", "Draw it larger, or take it away."
+            )
         if self._points == 0:
             region = self.region
             raise ReconstructionError(

@@ -22,7 +22,7 @@ from app.scanning.region import Region, default_region
 from app.scanning.stops import LitPair, LitView, Stop, stops_of_shots
 from app.scanning.table import TableCheck, check_by_markers
 from app.vision.markers import PlatterSpec
-from app.vision.stripe import STRIPE_DETECTORS, LaserColour, LaserStripe, StripeDetector
+from app.vision.stripe import STRIPE_DETECTORS, LaserColour, LaserStripe, StripeDetector, usual_threshold
 
 _SMOOTH_ROWS = 7
 # Pictures from which the layout of the markers is solved, at most.
@@ -30,10 +30,19 @@ _LAYOUT_VIEWS = 120
 _LAYOUT_WORST_PX = 3.0
 
 
-def scan_detector(name: str = "zero-crossing", **options: object) -> StripeDetector:
-    """The detector a scan uses: smoothed over seven lines inside every unbroken piece of stripe."""
+def scan_detector(name: str = "zero-crossing", threshold: float | None = None) -> StripeDetector:
+    """The detector a scan uses: smoothed over seven lines inside every unbroken piece of stripe.
+
+    Args:
+        name: of the detector.
+        threshold: a peak is no stripe below this height, grey levels; None for the detector's own. One that
+            takes none does without.
+    """
+    options: dict[str, object] = {}
     if name == "zero-crossing":
-        options.setdefault("smooth_rows", _SMOOTH_ROWS)
+        options["smooth_rows"] = _SMOOTH_ROWS
+    if threshold is not None and usual_threshold(name) is not None:
+        options["min_strength"] = threshold
     return STRIPE_DETECTORS.make(name, **options)
 
 
@@ -67,7 +76,7 @@ def reconstruct_recording(
     if not stops:
         raise ReconstructionError(f"{recording.folder} has no scan frame with a laser on.")
     platter = recording.platter if options.uses_markers else None
-    observer = observer_for(rig, detector, recording.lasers, platter)
+    observer = _observer(rig, detector, recording.lasers, platter, options)
     observer = replace(observer, background=_background(recording, observer))
     offset, tables, warnings = 0.0, list[TableCheck](), list[str]()
     if platter is not None:
@@ -108,9 +117,21 @@ def reconstruct_shots(
     options = options or ReconstructionOptions(ahead=0)
     used = platter if options.uses_markers and layout else None
     return Reconstruction(
-        stops_of_shots(shots, turn_rad), _as_they_are, observer_for(rig, detector, colours, used),
+        stops_of_shots(shots, turn_rad), _as_they_are, _observer(rig, detector, colours, used, options),
         AngleReader(rig, (layout or {}) if used else {}), _region(rig, options, layout), options,
     )  # fmt: skip
+
+
+def _observer(
+    rig: Rig,
+    detector: StripeDetector,
+    colours: Mapping[str, LaserColour],
+    platter: PlatterSpec | None,
+    options: ReconstructionOptions,
+) -> Observer:
+    if options.channel is not None:
+        colours = dict.fromkeys(colours, options.channel)
+    return observer_for(rig, detector, colours, platter, options.polygon)
 
 
 def _profiles(stops: list[Stop[FrameEntry]]) -> int:

@@ -1,5 +1,6 @@
 """What a stripe is, and how one is asked for."""
 
+import inspect
 from dataclasses import dataclass
 from typing import Literal, Protocol, TypeAlias
 
@@ -90,3 +91,13 @@ class StripeDetector(Protocol):
 
 
 STRIPE_DETECTORS: Registry[StripeDetector] = Registry("stripe detector", "app.vision.detectors")
+
+
+def usual_threshold(name: str) -> float | None:
+    """Below how many grey levels a detector takes a peak for noise; None where it takes no threshold.
+
+    Raises:
+        OptionError: there is no such detector.
+    """
+    taken = inspect.signature(STRIPE_DETECTORS.maker(name)).parameters.get("min_strength")
+    return None if taken is None else float(taken.default)

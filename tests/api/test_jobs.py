@@ -108,7 +108,12 @@ def test_a_scan_is_computed_again_with_another_detector_and_region(client: TestC
     again = _done(client, "reconstruct", wanted)
     retried = _ended(client, client.post(f"{API}/jobs/{again['id']}/retry", json={}).json()["id"])
     assert retried["result"]["points"] == again["result"]["points"] > 0
-    for wrong in ({"detector": "nose"}, {"above_mm": 2.0, "below_mm": 1.0}, {"calibration": "nowhere"}):
+    left = [[0.0, 0.0], [0.5, 0.0], [0.5, 1.0], [0.0, 1.0]]
+    chosen = {"polygon": left, "threshold": 30.0, "channel": "red"}
+    part = _done(client, "reconstruct", wanted | chosen)
+    assert 0 < part["result"]["points"] < again["result"]["points"]
+    for wrong in ({"detector": "nose"}, {"above_mm": 2.0, "below_mm": 1.0}, {"calibration": "nowhere"},
+                  {"polygon": left[:2]}, {"channel": "difference"}):  # fmt: skip
         assert client.post(f"{API}/jobs/reconstruct", json={"scan": scan, **wrong}).status_code == 422
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from small_scans import SmallScan, make_small_scan
 
+from app.errors import ReconstructionError
 from app.geometry.cloud import PointCloud
 from app.geometry.plane import LaserPlane
 from app.recording.shot import Role, Shot
@@ -250,3 +251,30 @@ def test_a_table_that_turns_steadily_and_clockwise_gives_the_ball_too(tmp_path: 
     assert np.sqrt(np.mean(off**2)) < 0.15
     assert run.report().angles.source == "constant speed"
     assert run.total == 12
+
+
+def test_only_the_part_of_the_picture_that_was_drawn_gives_points(small_scan: SmallScan) -> None:
+    rig = small_scan.plan.scanner.rig
+    upper = ((0.0, 0.0), (1.0, 0.0), (1.0, 0.5), (0.0, 0.5))
+    options = ReconstructionOptions(uses_markers=False, polygon=upper)
+    run = reconstruct_recording(small_scan.recording, rig, scan_detector(), options)
+    rows = [
+        rig.camera.project(rig.axis.table_from_camera(profile.angle_rad).inverse() @ profile.cloud.points)[
+            :, 1
+        ]
+        for profile in run
+        if len(profile.cloud)
+    ]
+    assert 0 < sum(map(len, rows)) < len(joined(small_scan.profiles))
+    assert max(row.max() for row in rows) < rig.camera.size[1] / 2 + 1.0
+
+
+def test_a_higher_threshold_and_another_channel_find_less_of_the_stripe(small_scan: SmallScan) -> None:
+    rig = small_scan.plan.scanner.rig
+    whole = len(joined(small_scan.profiles))
+    dim = ReconstructionOptions(uses_markers=False, threshold=120.0)
+    strong = joined(reconstruct_recording(small_scan.recording, rig, scan_detector(threshold=120.0), dim))
+    assert 0 < len(strong) < whole
+    blue = ReconstructionOptions(uses_markers=False, channel="blue")
+    with pytest.raises(ReconstructionError, match="never seen"):
+        list(reconstruct_recording(small_scan.recording, rig, scan_detector(), blue))

@@ -25,10 +25,12 @@ from app.scanning.session import SCAN_FILE, read_plan
 from app.surface.finish import Finish, Preset, preset_mesh
 from app.surface.meshing.options import MeshOptions
 from app.surface.step import StepDocument, parse_step
-from app.vision.stripe import STRIPE_DETECTORS
+from app.vision.polygon import MOST_CORNERS, is_polygon
+from app.vision.stripe import STRIPE_DETECTORS, LaserColour
 
 router = APIRouter(prefix="/jobs", tags=["jobs"])
 Title = Annotated[str, Field(min_length=1, max_length=200)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Millimetres = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
 CURRENT, OWN = "current", "own"
 
@@ -43,6 +45,10 @@ class ComputingIn(BaseModel):
         min_quality: points of lower quality are left out.
         with_colour: colours are taken from the pictures with the lasers off.
         uses_markers: markers on the table tell its angle, where there are any.
+        threshold: a peak is no stripe below this height, grey levels; as the detector has it where absent.
+        channel: in which all lasers are looked for; in each one's own colour where absent.
+        polygon: corners of the part of the picture that counts, as shares of its width and height; all where
+            there are none.
     """
 
     detector: Annotated[str, Field(max_length=100)] = "zero-crossing"
@@ -52,6 +58,9 @@ class ComputingIn(BaseModel):
     min_quality: Annotated[float, Field(ge=0.0, le=1.0)] = 0.0
     with_colour: bool = True
     uses_markers: bool = True
+    threshold: Annotated[float, Field(ge=1.0, le=254.0)] | None = None
+    channel: LaserColour | None = None
+    polygon: Annotated[list[tuple[Share, Share]], Field(max_length=MOST_CORNERS)] = []
 
     @property
     def options(self) -> ReconstructionOptions:
@@ -61,7 +70,10 @@ class ComputingIn(BaseModel):
             raise OptionError(f"There is no detector called {self.detector[:60]!r}.", f"There are: {known}.")
         if self.above_mm is not None and self.below_mm is not None and self.above_mm >= self.below_mm:
             raise OptionError("above_mm must be less than below_mm.", "Points between the two are kept.")
+        if not is_polygon(self.polygon):
+            raise OptionError("polygon: is no part of the picture.", "Give three corners or more, or none.")
         return ReconstructionOptions(
+            threshold=self.threshold, channel=self.channel, polygon=tuple(self.polygon),
             radius_mm=self.radius_mm, above_mm=self.above_mm, below_mm=self.below_mm,
             min_quality=self.min_quality, with_colour=self.with_colour, uses_markers=self.uses_markers,
         )  # fmt: skip

@@ -15,6 +15,7 @@ from app.live.pictures import LivePictures
 from app.live.settings import Kind
 from app.live.viewer import LiveViewer
 from app.scanning.region import Region
+from app.vision.stripe import STRIPE_DETECTORS, usual_threshold
 
 router = APIRouter(prefix="/live", tags=["live"])
 _BOUNDARY = "turnscan"
@@ -79,6 +80,23 @@ class LiveOut(BaseModel):
     shows_region: bool
     polygon: list[tuple[float, float]]
     cylinder: Cylinder | None
+
+
+class DetectorOut(BaseModel):
+    """A way of finding the stripe.
+
+    Attributes:
+        threshold: below how many grey levels it takes a peak for noise by itself; null where it takes none.
+    """
+
+    name: str
+    threshold: float | None
+
+
+@router.get("/detectors")
+def list_detectors() -> list[DetectorOut]:
+    """The ways of finding the stripe, for live pictures, scans and clouds that are computed again."""
+    return [DetectorOut(name=name, threshold=usual_threshold(name)) for name in STRIPE_DETECTORS]
 
 
 @router.get("/settings")
