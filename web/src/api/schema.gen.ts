@@ -1329,6 +1329,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/live/detectors": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List detectors
+         * @description The ways of finding the stripe, for live pictures, scans and clouds that are computed again.
+         */
+        get: operations["list_detectors"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/live/settings": {
         parameters: {
             query?: never;
@@ -3542,6 +3562,23 @@ export interface components {
             radius_mm?: number | null;
         };
         /**
+         * DetectorOut
+         * @description A way of finding the stripe.
+         *
+         *     Attributes:
+         *         threshold: below how many grey levels it takes a peak for noise by itself; null where it takes none.
+         * @example {
+         *       "name": "zero-crossing",
+         *       "threshold": 12
+         *     }
+         */
+        DetectorOut: {
+            /** Name */
+            name: string;
+            /** Threshold */
+            threshold: number | null;
+        };
+        /**
          * DeviationMapOut
          * @description How the points lie to another cloud; see `DeviationMap`.
          */
@@ -4239,9 +4276,31 @@ export interface components {
             /** @description Of the camera; pictures with the same number belong together. */
             frame: number;
             is_stale: boolean;
-            /** @description Kind 3: outlines, board and markers, in pixels. */
-            marks?: Record<string, never>;
-            numbers: Record<string, never> | null;
+            /** @description Kind 3: what may be drawn over the picture, in pixels of the camera. */
+            marks?: {
+                /** @description Number and place of each corner. */
+                board: number[][];
+                /** @description Number and four corners of each marker. */
+                markers: [
+                    number,
+                    number[][]
+                ][];
+                outlines: number[][][];
+            };
+            numbers: {
+                /** @description Of the calibration board, as far as it was found. */
+                corners: number;
+                exposure_us: number | null;
+                /** @description The larger the sharper, for one scene and exposure. */
+                focus: number;
+                histogram: number[];
+                /** @description On the table, as far as they were found. */
+                markers: number;
+                /** @description Of the stripes. */
+                points: number;
+                /** @description Of these the clipped ones. */
+                saturated: number;
+            } | null;
             /** @description Kind 3: so many make a pixel. */
             parts?: number;
             /** @description Why no newer picture comes. */
@@ -4806,6 +4865,8 @@ export interface components {
              * @default current
              */
             calibration?: string;
+            /** Channel */
+            channel?: ("red" | "green" | "blue" | "any") | null;
             /**
              * Detector
              * @default zero-crossing
@@ -4816,10 +4877,20 @@ export interface components {
              * @default 0
              */
             min_quality?: number;
+            /**
+             * Polygon
+             * @default []
+             */
+            polygon?: [
+                number,
+                number
+            ][];
             /** Radius Mm */
             radius_mm?: number | null;
             /** Scan */
             scan: string;
+            /** Threshold */
+            threshold?: number | null;
             /**
              * Uses Markers
              * @default true
@@ -5009,6 +5080,8 @@ export interface components {
             above_mm?: number | null;
             /** Below Mm */
             below_mm?: number | null;
+            /** Channel */
+            channel?: ("red" | "green" | "blue" | "any") | null;
             /**
              * Detector
              * @default zero-crossing
@@ -5035,6 +5108,14 @@ export interface components {
              * @enum {string}
              */
             mode?: "step" | "continuous";
+            /**
+             * Polygon
+             * @default []
+             */
+            polygon?: [
+                number,
+                number
+            ][];
             /** Radius Mm */
             radius_mm?: number | null;
             /**
@@ -5052,6 +5133,8 @@ export interface components {
              * @default 0
              */
             texture_every?: number;
+            /** Threshold */
+            threshold?: number | null;
             /**
              * Title
              * @default Scan
@@ -6048,6 +6131,7 @@ export type ControlOut = components['schemas']['ControlOut'];
 export type ControlsIn = components['schemas']['ControlsIn'];
 export type CountersOut = components['schemas']['CountersOut'];
 export type Cylinder = components['schemas']['Cylinder'];
+export type DetectorOut = components['schemas']['DetectorOut'];
 export type DeviationMapOut = components['schemas']['DeviationMapOut'];
 export type DeviationOut = components['schemas']['DeviationOut'];
 export type DevicesOut = components['schemas']['DevicesOut'];
@@ -8970,6 +9054,44 @@ export interface operations {
                 };
                 content: {
                     "multipart/x-mixed-replace": string;
+                };
+            };
+        };
+    };
+    list_detectors: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["DetectorOut"][];
                 };
             };
         };
