@@ -14,6 +14,7 @@ class CloudOut(BaseModel):
 
     Attributes:
         path: where to download it, on this server.
+        made_by: `joined` of several scans, `cleaned` of another cloud; empty for what was scanned.
     """
 
     name: str
@@ -23,6 +24,7 @@ class CloudOut(BaseModel):
     created: datetime
     detector: str
     calibrated: datetime | None
+    made_by: str
 
 
 class CalibrationOut(BaseModel):
@@ -77,5 +79,5 @@ def _shown_cloud(item: ScanItem, cloud: CloudItem) -> CloudOut:
     return CloudOut(
         name=cloud.name, path=f"{API}/scans/{quote(item.name, safe='')}/clouds/{place}", points=cloud.points,
         size_bytes=cloud.size_bytes, created=cloud.created, detector=cloud.detector,
-        calibrated=cloud.calibrated,
+        calibrated=cloud.calibrated, made_by=cloud.made_by,
     )  # fmt: skip

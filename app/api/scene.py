@@ -39,6 +39,9 @@ class Drawer(Protocol):
     def crop(self, low: Corner | None, high: Corner | None) -> None: ...
     def measure_at(self, tab: str, across: float, down: float) -> tuple[Corner, ...]: ...
     def forget_measure(self) -> None: ...
+    def pick_at(self, tab: str, across: float, down: float, before: Sequence[Corner] = ()) -> Corner: ...
+    def forget_picks(self) -> None: ...
+    def view_matrix(self, tab: str) -> NDArray[np.float64]: ...
 
     @property
     def viewers(self) -> int: ...
@@ -161,6 +164,22 @@ class Scene:
         with self._lock:
             self._drawer.forget_measure()
             self._shown = replace(self._shown, measured=())
+
+    def pick_at(self, tab: str, across: float, down: float, before: Sequence[Corner]) -> Corner:
+        """The point that a page sees at a place, marked with those that were picked before.
+
+        Raises:
+            OptionError: there is no point.
+        """
+        return self._drawer.pick_at(tab, across, down, before)
+
+    def forget_picks(self) -> None:
+        """Take the marks away."""
+        self._drawer.forget_picks()
+
+    def view_matrix(self, tab: str) -> NDArray[np.float64]:
+        """How a page sees the table frame, as `Lasso` takes it. Raises OptionError where it does not look."""
+        return self._drawer.view_matrix(tab)
 
     def look(self, preset: str, tab: str | None) -> None:
         """Move one page, or all, to where the scene is good to see.

@@ -11,14 +11,14 @@ from typing import Protocol
 from app.calibration.platter_file import layout_of
 from app.calibration.record import CalibrationRecord
 from app.documents import Json
-from app.errors import LibraryError, OutputError
-from app.files import make_folder, reason, write_whole
-from app.library.item import CALIBRATION_FILE, CLOUDS_FOLDER, CloudItem
+from app.errors import LibraryError
+from app.files import write_whole
+from app.library.derived import put_files
+from app.library.item import CALIBRATION_FILE, CloudItem
 from app.library.library import Library
 from app.library.log import write_line
-from app.library.names import free_name
 from app.library.thumbnail import paint_thumbnail
-from app.library.work import changing, settle, work_folder
+from app.library.work import settle, work_folder
 from app.recording.reader import Recording
 from app.scanning.drift import DriftReference
 from app.scanning.reconstruct import ReconstructionOptions
@@ -99,7 +99,7 @@ def reconstruct_again(
         how = _how(created, detector, options, report, record, time.monotonic() - began_s)
         write_whole(work / "cloud.json", how)
         settle()
-        file = _put(library, name, work, created)
+        file = put_files(library, name, work, created)
         words = f"Computed {file} with {detector}: {report.points} points."
         write_line(library.folder_of(name), " ".join([words, *report.warnings, *report.doubts]))
     cloud = next(cloud for cloud in library.scan(name).clouds if cloud.name == file)
@@ -119,21 +119,6 @@ def own_calibration(folder: Path) -> CalibrationRecord:
             f"The scan {folder.name!r} has no calibration of its own.", "Name one with --calibration."
         )
     return CalibrationRecord.load(path)
-
-
-def _put(library: Library, name: str, work: Path, created: datetime) -> str:
-    """Rename the three files into place; the cloud is there when the last of them, the PLY, is."""
-    with changing(library.folder):
-        clouds = library.scan(name).folder / CLOUDS_FOLDER
-        make_folder(clouds)
-        stamp = f"{created:%Y-%m-%dT%H-%M-%S}.{created.microsecond // 1000:03d}Z"
-        file = free_name(clouds, stamp, ".ply")
-        try:
-            for ending in (".json", ".png", ".ply"):
-                (work / f"cloud{ending}").replace((clouds / file).with_suffix(ending))
-        except OSError as error:
-            raise OutputError(str(clouds / file), reason(error)) from error
-    return f"{CLOUDS_FOLDER}/{file}"
 
 
 def _how(

@@ -39,6 +39,7 @@ class CloudItem:
         picture: its picture within the folder; empty where there is none.
         detector: what found the stripes; empty where unknown.
         calibrated: when the calibration was made that it was computed with; None where unknown.
+        made_by: `joined` of several scans, `cleaned` of another cloud; empty for what was scanned.
     """
 
     name: str
@@ -48,6 +49,7 @@ class CloudItem:
     picture: str = ""
     detector: str = ""
     calibrated: datetime | None = None
+    made_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +138,7 @@ class _CloudFacts(_Facts):
     created: str | None = None
     detector: str = ""
     calibration: _CalibrationFacts | None = None
+    made_by: str = ""
 
 
 def read_item(folder: Path) -> ScanItem:
@@ -242,18 +245,18 @@ def _cloud(folder: Path, path: Path) -> CloudItem:
     """Of a file that is no PLY, too: 0 points."""
     facts = path.stat()
     created = datetime.fromtimestamp(facts.st_mtime, UTC)
-    points, detector, calibrated = 0, "", None
+    points, detector, calibrated, made_by = 0, "", None, ""
     with suppress(PointCloudFileError):
         points = ply_points(path)
     with suppress(OSError, ValueError):
         how = _CloudFacts.of(path.with_suffix(".json"))
-        detector = how.detector
+        detector, made_by = how.detector, how.made_by
         created = created if how.created is None else parse_moment(how.created)
         calibrated = None if how.calibration is None else parse_moment(how.calibration.created)
     picture = path.with_suffix(".png")
     return CloudItem(
         path.relative_to(folder).as_posix(), points, facts.st_size, created,
-        picture.relative_to(folder).as_posix() if picture.is_file() else "", detector, calibrated,
+        picture.relative_to(folder).as_posix() if picture.is_file() else "", detector, calibrated, made_by,
     )  # fmt: skip
 
 

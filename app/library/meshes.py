@@ -1,11 +1,16 @@
 """Meshes that were made of a scan's clouds, in its folder."""
 
+import json
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 
+from app.documents import Json
 from app.errors import NotThere, SurfaceError
+from app.library.library import Library
+from app.library.log import write_line
+from app.library.work import changing, work_folder
 from app.surface.exports.read import mesh_counts
 
 MESHES_FOLDER = "meshes"
@@ -21,6 +26,7 @@ class MeshItem:
         vertices, triangles: how many it has.
         size_bytes: of the file.
         created: when it was written.
+        made: how it was made, as the job wrote it down; empty where that is not known.
     """
 
     name: str
@@ -29,6 +35,7 @@ class MeshItem:
     triangles: int
     size_bytes: int
     created: datetime
+    made: Json = field(default_factory=dict)
 
 
 def meshes_of(folder: Path) -> tuple[MeshItem, ...]:
@@ -59,9 +66,35 @@ def mesh_of(folder: Path, name: str) -> MeshItem:
     raise NotThere(f"The scan has no mesh {name[:60]!r}.", "Ask for its meshes, or make one.")
 
 
+def erase_mesh(library: Library, scan: str, name: str) -> int:
+    """Erase a mesh for good, with how it was made; how many bytes that gave back.
+
+    Raises:
+        ScanNotFound: there is no such scan.
+        NotThere: it has no such mesh.
+        OutputError: it cannot be erased.
+    """
+    with work_folder(library.folder) as work, changing(library.folder):
+        folder = library.folder_of(scan)
+        doomed = mesh_of(folder, name).path
+        there = [path for path in (doomed, doomed.with_suffix(".json")) if path.is_file()]
+        freed = sum(path.stat().st_size for path in there)
+        for path in there:
+            path.rename(work / path.name)
+        write_line(folder, f"Erased the mesh {name}.")
+        return freed
+
+
 def _item(path: Path) -> MeshItem:
     vertices, triangles = mesh_counts(path)
     facts = path.stat()
-    return MeshItem(
-        path.name, path, vertices, triangles, facts.st_size, datetime.fromtimestamp(facts.st_mtime, UTC)
-    )
+    created = datetime.fromtimestamp(facts.st_mtime, UTC)
+    return MeshItem(path.name, path, vertices, triangles, facts.st_size, created, _made(path))
+
+
+def _made(path: Path) -> Json:
+    with suppress(OSError, ValueError):
+        made = json.loads(path.with_suffix(".json").read_bytes())
+        if isinstance(made, dict):
+            return made
+    return {}

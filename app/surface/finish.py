@@ -86,8 +86,12 @@ class Finish(BaseModel):
         """Those to be taken; only clouds of this program are known to stand on a table at height zero."""
         if self.steps is not None:
             return self.steps
-        is_own = bool(cloud.laser_names)
-        return tuple(step for step in _STEPS[self.preset] if is_own or step != _TABLE)
+        return preset_steps(self.preset, is_on_table=bool(cloud.laser_names))
+
+
+def preset_steps(preset: Preset, *, is_on_table: bool) -> tuple[StepDocument, ...]:
+    """The preset's own steps; the table is only looked for where it is known to be at height zero."""
+    return tuple(step for step in _STEPS[preset] if is_on_table or step != _TABLE)
 
 
 def preset_mesh(preset: Preset) -> MeshOptions:

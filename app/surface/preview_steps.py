@@ -7,6 +7,7 @@ import numpy as np
 
 from app.geometry.cloud import PointCloud
 from app.surface.step import Step, document_of
+from app.surface.thinning import place_keys
 
 PREVIEW_POINTS = 150_000
 
@@ -37,11 +38,13 @@ class StepPreview:
         cloud: what is left of the copy.
         share: of the cloud's points that the copy began with, 0..1.
         effects: one for each step.
+        gone: what steps took from the copy; without that of steps that make or move points.
     """
 
     cloud: PointCloud
     share: float
     effects: tuple[StepEffect, ...]
+    gone: PointCloud
 
 
 def preview_steps(
@@ -62,12 +65,21 @@ def preview_steps(
     step = max(1, -(-len(cloud) // most))
     copy = cloud.select(np.arange(0, len(cloud), step)) if step > 1 else cloud
     share = len(copy) / (whole or len(cloud)) if len(copy) else 1.0
-    effects = []
+    effects, gone = [], [PointCloud.empty(copy.laser_names)]
     for each in steps:
         fitting = each.for_share(share)
         note = fitting.says(copy)
         left = fitting.apply(copy)
         taken = round((len(copy) - len(left)) / share)
         effects.append(StepEffect(document_of(each)["kind"], len(copy), len(left), taken, note))
+        gone.append(_taken(copy, left))
         copy = left
-    return StepPreview(copy, share, tuple(effects))
+    return StepPreview(copy, share, tuple(effects), PointCloud.joined(gone))
+
+
+def _taken(before: PointCloud, after: PointCloud) -> PointCloud:
+    """The points that a step left out; none where it moved them, so that nobody can tell which those are."""
+    is_left = np.isin(place_keys(before.points), place_keys(after.points))
+    if np.count_nonzero(is_left) < len(after):
+        return PointCloud.empty(before.laser_names)
+    return before.select(~is_left)

@@ -45,10 +45,15 @@ def read_thinned(path: Path, most: int = MOST_POINTS) -> Read:
 def without_copies(cloud: PointCloud) -> PointCloud:
     """Each place once, and none that is not finite; the order stays."""
     finite = cloud.select(np.flatnonzero(np.isfinite(cloud.points).all(axis=1)))
+    first = np.unique(place_keys(finite.points), return_index=True)[1]
+    return finite if len(first) == len(finite) else finite.select(np.sort(first))
+
+
+def place_keys(points: NDArray[np.float32]) -> NDArray[np.uint64]:
+    """(N,) one number for each place of (N, 3) points; two places share one hardly ever."""
     # Adding zero makes a negative zero a positive one.
-    bits = np.ascontiguousarray(finite.points + np.float32(0.0)).view(np.uint32).astype(np.uint64)
+    bits = np.ascontiguousarray(points + np.float32(0.0)).view(np.uint32).astype(np.uint64)
     keys: NDArray[np.uint64] = bits[:, 0] * np.uint64(0x9E3779B97F4A7C15)
     for column in (1, 2):
         keys = (keys ^ (keys >> np.uint64(29)) ^ bits[:, column]) * np.uint64(0xBF58476D1CE4E5B9)
-    first = np.unique(keys, return_index=True)[1]
-    return finite if len(first) == len(finite) else finite.select(np.sort(first))
+    return keys

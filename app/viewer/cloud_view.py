@@ -5,6 +5,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterator, Sequence
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Self
 
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from viser import ClientHandle
 
 from app.errors import OptionError
-from app.geometry.arrays import Points
+from app.geometry.arrays import Points, Vector3
 from app.geometry.cloud import PointCloud
 from app.geometry.rig import Rig
 from app.geometry.transform import RigidTransform
@@ -24,7 +25,7 @@ from app.viewer.crop import Corner, CropBox
 from app.viewer.eyes import FAR_MM, FOV_RAD, NEAR_MM, place
 from app.viewer.live_cloud import LiveCloud
 from app.viewer.loopback import close_viser, open_viser, remote_port
-from app.viewer.picking import Ray
+from app.viewer.picking import Matrix4, Ray, view_matrix
 from app.viewer.rotations import rotation_of
 from app.viewer.stage import Stage
 from app.vision.board import BoardSpec
@@ -217,28 +218,54 @@ class CloudView:
         Raises:
             OptionError: no such page looks, or there is no point.
         """
-        client = next(iter(self._clients_of(tab)), None)
-        if client is None or client.camera.image_height == 0:
-            raise OptionError("The 3D view of this page is not open.", "Wait until the cloud is seen.")
-        camera = client.camera
-        eye = RigidTransform(rotation_of(camera.wxyz), np.asarray(camera.position, np.float64))
-        fov_rad, aspect = camera.fov, camera.aspect
-        done, found = threading.Event(), list[Corner]()
+        found: list[Corner] = []
 
-        def measure() -> None:
-            try:
-                ray = Ray.through(self._stage.table_from_world @ eye, fov_rad, aspect, across, down)
-                point = self._cloud.point_under(ray)
-                if point is not None:
-                    self._cloud.measure.take(point, ray)
-                    found.extend((float(x), float(y), float(z)) for x, y, z in self._cloud.measure.points)
-            finally:
-                done.set()
+        def measure(sight: _Sight) -> None:
+            ray = sight.ray(across, down)
+            point = self._cloud.point_under(ray)
+            if point is not None:
+                self._cloud.measure.take(point, ray)
+                found.extend(_corner(each) for each in self._cloud.measure.points)
 
-        self._put(measure)
-        if not done.wait(_PICKING_S) or not found:
-            raise OptionError("There is no point of the cloud.", "Press where the cloud is seen.")
+        self._see(tab, measure)
+        if not found:
+            raise _no_point()
         return tuple(found)
+
+    def pick_at(self, tab: str, across: float, down: float, before: Sequence[Corner] = ()) -> Corner:
+        """The point that one page sees at a place; it is marked, and so are those that were picked before.
+
+        Arguments and errors as of `measure_at`.
+        """
+        found: list[Corner] = []
+
+        def pick(sight: _Sight) -> None:
+            ray = sight.ray(across, down)
+            point = self._cloud.point_under(ray)
+            if point is not None:
+                self._cloud.marks.draw([*(np.array(each) for each in before), point], ray)
+                found.append(_corner(point))
+
+        self._see(tab, pick)
+        if not found:
+            raise _no_point()
+        return found[0]
+
+    def forget_picks(self) -> None:
+        """Take the marks of what was picked away."""
+        self._put(lambda: self._cloud.marks.draw((), None))
+
+    def view_matrix(self, tab: str) -> Matrix4:
+        """How one page sees the table frame; see `picking.view_matrix`.
+
+        Raises:
+            OptionError: no such page looks.
+        """
+        found: list[Matrix4] = []
+        self._see(tab, lambda sight: found.append(sight.matrix))
+        if not found:
+            raise OptionError("The 3D view is busy.", "Try again in a moment.")
+        return found[0]
 
     def forget_measure(self) -> None:
         """Take the measured distance away."""
@@ -288,6 +315,25 @@ class CloudView:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _see(self, tab: str, act: Callable[["_Sight"], None]) -> None:
+        """Act on what a page sees, once all that was asked for before is drawn. Raises as `measure_at`."""
+        client = next(iter(self._clients_of(tab)), None)
+        if client is None or client.camera.image_height == 0:
+            raise OptionError("The 3D view of this page is not open.", "Wait until the cloud is seen.")
+        camera = client.camera
+        eye = RigidTransform(rotation_of(camera.wxyz), np.asarray(camera.position, np.float64))
+        fov_rad, aspect = camera.fov, camera.aspect
+        done = threading.Event()
+
+        def see() -> None:
+            try:
+                act(_Sight(self._stage.table_from_world @ eye, fov_rad, aspect))
+            finally:
+                done.set()
+
+        self._put(see)
+        done.wait(_PICKING_S)
 
     def _clients_of(self, tab: str | None) -> Iterator[ClientHandle]:
         """The pages of that name; all where none is given."""
@@ -348,3 +394,28 @@ class CloudView:
         camera = self._server.initial_camera
         camera.position, camera.look_at = eye, target
         camera.fov, camera.near, camera.far = FOV_RAD, NEAR_MM, FAR_MM
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class _Sight:
+    """From where a page looks: table_from_eye, the height of its view in radians, width by height."""
+
+    table_from_eye: RigidTransform
+    fov_rad: float
+    aspect: float
+
+    def ray(self, across: float, down: float) -> Ray:
+        return Ray.through(self.table_from_eye, self.fov_rad, self.aspect, across, down)
+
+    @property
+    def matrix(self) -> Matrix4:
+        return view_matrix(self.table_from_eye.inverse(), self.fov_rad, self.aspect)
+
+
+def _corner(point: Vector3) -> Corner:
+    x, y, z = point.tolist()
+    return x, y, z
+
+
+def _no_point() -> OptionError:
+    return OptionError("There is no point of the cloud.", "Press where the cloud is seen.")

@@ -14,6 +14,7 @@ from app.viewer.cloud_nodes import ViserCloud
 from app.viewer.colouring import Colouring, ColourMode
 from app.viewer.crop import CropBox, CropLines
 from app.viewer.display import DisplayPoints
+from app.viewer.marks import Marks
 from app.viewer.measure import Measure
 from app.viewer.picking import Ray, point_under
 from app.viewer.stage import TABLE
@@ -34,6 +35,7 @@ class LiveCloud:
 
     Attributes:
         measure: the distance that is drawn into it.
+        marks: places that were pointed at.
     """
 
     def __init__(self, server: ViserServer, budget: int) -> None:
@@ -44,6 +46,7 @@ class LiveCloud:
         self._laser_names: tuple[str, ...] = ()
         self._box = CropLines(server)
         self.measure = Measure(server)
+        self.marks = Marks(server)
 
     def __len__(self) -> int:
         """Points that are shown."""
@@ -122,6 +125,7 @@ class LiveCloud:
             self._nodes.crop = None
             self._box.draw(None)
             self.measure.clear()
+            self.marks.draw((), None)
             self._chunks.clear()
             if self._mesh is not None:
                 self._mesh.remove()

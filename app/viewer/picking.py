@@ -2,12 +2,16 @@
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.geometry.arrays import Vector3, unit
 from app.geometry.transform import RigidTransform
+
+Matrix4: TypeAlias = NDArray[np.float64]
+"""(4, 4), by rows."""
 
 # As far from the place as a finger or an unsteady hand may be, in parts of the view's height.
 _REACH = 0.02
@@ -48,6 +52,17 @@ class Ray:
         ahead = np.array([(2.0 * across - 1.0) * half * aspect, (2.0 * down - 1.0) * half, 1.0])
         turned = table_from_eye.rotation
         return cls(table_from_eye.translation, unit(turned @ ahead), 2.0 * half, turned[:, 0], -turned[:, 1])
+
+
+def view_matrix(eye_from_table: RigidTransform, fov_rad: float, aspect: float) -> Matrix4:
+    """From (x, y, z, 1) of the table frame to a view's plane, as `Lasso` takes it.
+
+    The first two results, divided by the fourth, are -1..1 from left to right and from top to bottom; the
+    fourth is the distance ahead in mm. Arguments as of `Ray.through`.
+    """
+    half = math.tan(fov_rad / 2.0)
+    x, y, z = np.column_stack([eye_from_table.rotation, eye_from_table.translation])
+    return np.array([x / (half * aspect), y / half, [0.0, 0.0, 0.0, 1.0], z])
 
 
 def point_under(ray: Ray, points: NDArray[np.float32]) -> Vector3 | None:

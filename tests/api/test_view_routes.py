@@ -105,6 +105,14 @@ class _Drawer:
 
     def forget_measure(self) -> None: ...
 
+    def pick_at(self, tab: str, across: float, down: float, before: Sequence[Corner] = ()) -> Corner:
+        return across, down, 0.0
+
+    def forget_picks(self) -> None: ...
+
+    def view_matrix(self, tab: str) -> NDArray[np.float64]:
+        return np.eye(4)
+
 
 def test_a_part_is_shown_alone_until_another_cloud_is_shown(client: TestClient) -> None:
     shown = client.post(f"{API}/view/show", json={"scan": NAME}).json()

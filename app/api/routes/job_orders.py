@@ -10,19 +10,24 @@ from app.api.routes.jobs import JobOut, Name, shown
 from app.api.services import Served, Services
 from app.calibration.record import CalibrationRecord
 from app.errors import CalibrationFileError, OptionError, ScanNotFound
+from app.jobs.clouds import cloud_of
 from app.jobs.estimate import ScanEstimate, estimate, refuse_without_room
 from app.jobs.export import ExportForm, export_work
+from app.jobs.finishing import finishing_of
+from app.jobs.join import join_work
 from app.jobs.recipes import ScanOrder, checkup_work, reconstruct_work, scan_work
 from app.jobs.runner import JobContext
 from app.jobs.scan_parts import check_lasers
 from app.jobs.surface import surface_work
 from app.jobs.texture import texture_work
 from app.library.again import own_calibration
+from app.library.names import checked_title
 from app.scanning.exposure_stack import check_exposures
 from app.scanning.plan import LONGEST_EXPOSURE_US, MOST_EXPOSURES, ScanPlan
 from app.scanning.reconstruct import ReconstructionOptions
 from app.scanning.session import SCAN_FILE, read_plan
-from app.surface.finish import Finish, Preset, preset_mesh
+from app.surface.finish import Finish, Preset
+from app.surface.joining.options import JoinOptions
 from app.surface.meshing.options import MeshOptions
 from app.surface.step import StepDocument, parse_step
 from app.vision.polygon import MOST_CORNERS, is_polygon
@@ -178,6 +183,8 @@ class SurfaceIn(BaseModel):
         preset: what for.
         steps: that clean the cloud, in order; those of the preset where absent.
         mesh: how the mesh is made; whatever is absent is as the preset has it.
+        has_mesh: whether there is to be one.
+        keeps_cloud: the cleaned cloud becomes another cloud of the scan.
     """
 
     model_config = ConfigDict(
@@ -189,6 +196,35 @@ class SurfaceIn(BaseModel):
     preset: Preset = Preset.PRINT
     steps: Annotated[list[StepDocument], Field(max_length=30)] | None = None
     mesh: MeshOptions | None = None
+    has_mesh: bool = True
+    keeps_cloud: bool = False
+
+
+class PartIn(BaseModel):
+    """A cloud that is to be joined; the newest of its scan where none is named."""
+
+    scan: Name
+    cloud: Annotated[str, Field(max_length=300)] = ""
+
+
+class JoinIn(BaseModel):
+    """Several scans of one thing, to become one.
+
+    Attributes:
+        scans: two or more; all are brought into the frame of the first.
+        title: of the scan that comes of it.
+        options: see `JoinOptions`; clicked places of a scan in `pairs` spare the search for its position.
+    """
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"scans": [{"scan": "mug"}, {"scan": "mug-lying"}], "title": "Mug, all of it"}]
+        }
+    )
+
+    scans: Annotated[list[PartIn], Field(min_length=2, max_length=20)]
+    title: Title
+    options: JoinOptions = JoinOptions()
 
 
 class CheckupIn(BaseModel):
@@ -277,17 +313,34 @@ def start_export(served: Served, wanted: ExportIn) -> JobOut:
 def start_surface(served: Served, wanted: SurfaceIn) -> JobOut:
     """Clean a cloud and make its surface; `GET /scans/{name}/meshes` lists what came of it."""
     item = served.library.scan(wanted.scan)
-    options = preset_mesh(wanted.preset)
+    if not wanted.has_mesh and not wanted.keeps_cloud:
+        raise OptionError("Nothing would come of it.", "Wish for a mesh, for the cleaned cloud, or both.")
+    usual = finishing_of(item, wanted.cloud)[wanted.preset]
+    options = usual.mesh
     if wanted.mesh is not None:
         options = options.model_copy(update=wanted.mesh.model_dump(exclude_unset=True))
     for document in wanted.steps or ():
         parse_step(document)
-    steps = None if wanted.steps is None else tuple(wanted.steps)
-    order = Finish(preset=wanted.preset, steps=steps, mesh=options)
-    work = surface_work(served.library, item.name, wanted.cloud, order)
+    steps = usual.steps if wanted.steps is None else tuple(wanted.steps)
+    order = Finish(preset=wanted.preset, steps=steps, mesh=options, has_mesh=wanted.has_mesh)
+    work = surface_work(served.library, item.name, wanted.cloud, order, keeps_cloud=wanted.keeps_cloud)
     # With all of the mesh's options, so that it can be done again alike.
     whole = wanted.model_copy(update={"mesh": options})
     return _submitted(served, "surface", item.title, work, whole, scan=item.name)
+
+
+@router.post("/join")
+def start_joining(served: Served, wanted: JoinIn) -> JobOut:
+    """Join several scans of one thing into a new scan of the library; they themselves stay as they are."""
+    title = checked_title(wanted.title)
+    parts = []
+    for part in wanted.scans:
+        item = served.library.scan(part.scan)
+        parts.append((item.name, cloud_of(item, part.cloud).relative_to(item.folder).as_posix()))
+    if len(set(parts)) < len(parts):
+        raise OptionError("A cloud is named twice.", "Name different clouds of one thing.")
+    work = join_work(served.library, parts, wanted.options, title)
+    return _submitted(served, "join", title, work, wanted, scan=parts[0][0])
 
 
 @router.post("/checkup")
@@ -331,6 +384,7 @@ _STARTS: Mapping[str, _Start] = {
     "texture": _again(TextureIn, start_texture),
     "export": _again(ExportIn, start_export),
     "surface": _again(SurfaceIn, start_surface),
+    "join": _again(JoinIn, start_joining),
     "checkup": _again(CheckupIn, start_checkup),
 }
 

@@ -1,23 +1,31 @@
 """Cleaning and measuring clouds: what steps there are, what they would do, and how large things are."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import anyio
-from fastapi import APIRouter
+import numpy as np
+from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field, FiniteFloat
 
 from app.api.services import Served, Services
+from app.geometry.cloud import PointCloud
 from app.jobs.clouds import cloud_of
+from app.jobs.finishing import finishing_of
 from app.jobs.job import JobState
+from app.surface.finish import Preset
+from app.surface.meshing.options import MeshOptions
 from app.surface.step import STEPS, StepDocument, parse_step
 
 router = APIRouter(prefix="/surface", tags=["surface"])
 # Each takes seconds of every core, and memory: the others wait.
 _ONE_AT_A_TIME = anyio.CapacityLimiter(1)
 _COLOURS = "texture"
+_GONE = (230, 40, 40)
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 Place = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
+CloudName = Annotated[str, Query(max_length=300)]
 Steps = Annotated[list[StepDocument], Field(max_length=50)]
 
 
@@ -29,13 +37,27 @@ class StepKindOut(BaseModel):
     settings: dict[str, Any]
 
 
+class FinishPresetOut(BaseModel):
+    """What a preset does to a certain cloud."""
+
+    preset: Preset
+    steps: list[StepDocument]
+    mesh: MeshOptions
+
+
 class CleaningIn(BaseModel):
-    """Steps to try on a cloud of a scan, its newest where none is named; `shows`: in the 3D view, too."""
+    """Steps to try on a cloud of a scan, its newest where none is named.
+
+    Attributes:
+        shows: in the 3D view, too.
+        marks: points that would go are shown, too, in red.
+    """
 
     scan: Name
     cloud: Name | None = None
     steps: Steps
     shows: bool = True
+    marks: bool = False
 
 
 class StepEffectOut(BaseModel):
@@ -175,6 +197,16 @@ def list_surface_steps() -> list[StepKindOut]:
     return [_shown_kind(kind) for kind in STEPS]
 
 
+@router.get("/presets/{scan}")
+def list_surface_presets(served: Served, scan: str, cloud: CloudName = "") -> list[FinishPresetOut]:
+    """What each preset would do with a cloud of a scan, its newest where none is named."""
+    found = finishing_of(served.library.scan(scan), cloud)
+    return [
+        FinishPresetOut(preset=preset, steps=list(each.steps), mesh=each.mesh)
+        for preset, each in found.items()
+    ]
+
+
 @router.post("/preview")
 async def try_surface_steps(served: Served, wanted: CleaningIn) -> CleaningOut:
     """Try steps on a thinned copy of a cloud: how many points each would take. Nothing is kept."""
@@ -207,7 +239,10 @@ def _tried(served: Services, wanted: CleaningIn) -> CleaningOut:
     found = preview_steps(read_cloud(path, PREVIEW_POINTS), steps, whole=whole)
     is_free = wanted.shows and not _is_scanning(served)
     if is_free:
-        served.scene.show_cloud(scan, name, found.cloud)
+        shown = _marked(found.cloud, found.gone) if wanted.marks else found.cloud
+        served.scene.show_cloud(scan, name, shown)
+        if wanted.marks:
+            served.scene.colour_by(_COLOURS)
     return CleaningOut(
         scan=scan, cloud=name, points=whole, left=round(len(found.cloud) / found.share), share=found.share,
         effects=[
@@ -220,9 +255,12 @@ def _tried(served: Services, wanted: CleaningIn) -> CleaningOut:
     )  # fmt: skip
 
 
-def _measured(served: Services, wanted: SurfaceMeasureIn) -> SurfaceMeasuresOut:
-    import numpy as np
+def _marked(left: PointCloud, gone: PointCloud) -> PointCloud:
+    """Both, what is gone in red."""
+    return PointCloud.joined([left, replace(gone, colours=np.full_like(gone.colours, _GONE))])
 
+
+def _measured(served: Services, wanted: SurfaceMeasureIn) -> SurfaceMeasuresOut:
     from app.surface.measure.deviation_map import deviation_map
     from app.surface.measure.distance import span_between
     from app.surface.measure.fits import fit

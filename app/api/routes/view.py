@@ -11,11 +11,14 @@ from app.api.services import Served, Services
 from app.errors import NotThere, ScanBusy
 from app.jobs.job import JobState
 from app.surface.ply_reader import read_ply
+from app.surface.step import StepDocument, document_of, parse_step
 
 router = APIRouter(prefix="/view", tags=["view"])
 Colour = Literal["texture", "height", "laser", "quality", "angle"]
 Preset = Literal["home", "top", "front", "back", "left", "right", "scanner", "camera"]
 Corner = tuple[float, float, float]
+Share = Annotated[float, Field(ge=-1.0, le=2.0)]
+Tab = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 
 
@@ -62,13 +65,42 @@ class LookIn(BaseModel):
     """From where to look; `tab` is the page's own name of its view, all pages where it is absent."""
 
     preset: Preset
-    tab: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")] | None = None
+    tab: Tab | None = None
+
+
+class PickIn(BaseModel):
+    """A place in a page's view, as of `MeasureIn`; `before` are points that were picked before."""
+
+    tab: Tab
+    across: Annotated[float, Field(ge=0.0, le=1.0)]
+    down: Annotated[float, Field(ge=0.0, le=1.0)]
+    before: Annotated[list[Corner], Field(max_length=20)] = []
+
+
+class PickOut(BaseModel):
+    """The point of the cloud that lies there: x, y, z in mm, table frame."""
+
+    point: Corner
+
+
+class LassoIn(BaseModel):
+    """An outline that was drawn on a page's view; its corners as of `MeasureIn`: across, then down."""
+
+    tab: Tab
+    outline: Annotated[list[tuple[Share, Share]], Field(min_length=3, max_length=2_000)]
+    keep: Literal["inside", "outside"] = "outside"
+
+
+class LassoOut(BaseModel):
+    """The step that takes away, or keeps, what lies in the outline from where the page looks now."""
+
+    step: StepDocument
 
 
 class MeasureIn(BaseModel):
     """A place in a page's view, 0..1 from its upper left corner; `tab` is the page's own name of it."""
 
-    tab: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
+    tab: Tab
     across: Annotated[float, Field(ge=0.0, le=1.0)]
     down: Annotated[float, Field(ge=0.0, le=1.0)]
 
@@ -146,6 +178,27 @@ def forget_measure(served: Served) -> ViewOut:
     """Take the measured distance away."""
     served.scene.forget_measure()
     return _shown(served)
+
+
+@router.post("/pick")
+def pick_in_view(served: Served, place: PickIn) -> PickOut:
+    """Take the point that a page sees there, and mark it with its number."""
+    return PickOut(point=served.scene.pick_at(place.tab, place.across, place.down, place.before))
+
+
+@router.delete("/pick", status_code=204)
+def forget_picks(served: Served) -> None:
+    """Take the marks away."""
+    served.scene.forget_picks()
+
+
+@router.post("/lasso")
+def draw_lasso(served: Served, drawn: LassoIn) -> LassoOut:
+    """Make a step of an outline that was drawn on a page's view. Nothing is changed."""
+    matrix = served.scene.view_matrix(drawn.tab).tolist()
+    polygon = [(2.0 * across - 1.0, 2.0 * down - 1.0) for across, down in drawn.outline]
+    step = {"kind": "lasso", "view": matrix, "polygon": polygon, "keep": drawn.keep}
+    return LassoOut(step=document_of(parse_step(step)))
 
 
 def _refuse_while_scanning(served: Services) -> None:

@@ -1189,6 +1189,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/jobs/join": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Start joining
+         * @description Join several scans of one thing into a new scan of the library; they themselves stay as they are.
+         */
+        post: operations["start_joining"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/jobs/reconstruct": {
         parameters: {
             query?: never;
@@ -1579,7 +1599,11 @@ export interface paths {
         get: operations["download_mesh"];
         put?: never;
         post?: never;
-        delete?: never;
+        /**
+         * Erase scan mesh
+         * @description Erase one of its meshes for good; its clouds stay.
+         */
+        delete: operations["erase_scan_mesh"];
         options?: never;
         head?: never;
         patch?: never;
@@ -1849,6 +1873,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/surface/presets/{scan}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /**
+         * List surface presets
+         * @description What each preset would do with a cloud of a scan, its newest where none is named.
+         */
+        get: operations["list_surface_presets"];
+        put?: never;
+        post?: never;
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/surface/preview": {
         parameters: {
             query?: never;
@@ -1957,6 +2001,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/view/lasso": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Draw lasso
+         * @description Make a step of an outline that was drawn on a page's view. Nothing is changed.
+         */
+        post: operations["draw_lasso"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/view/look": {
         parameters: {
             query?: never;
@@ -1996,6 +2060,30 @@ export interface paths {
          * @description Take the measured distance away.
          */
         delete: operations["forget_measure"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/view/pick": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Pick in view
+         * @description Take the point that a page sees there, and mark it with its number.
+         */
+        post: operations["pick_in_view"];
+        /**
+         * Forget picks
+         * @description Take the marks away.
+         */
+        delete: operations["forget_picks"];
         options?: never;
         head?: never;
         patch?: never;
@@ -3286,7 +3374,11 @@ export interface components {
         };
         /**
          * CleaningIn
-         * @description Steps to try on a cloud of a scan, its newest where none is named; `shows`: in the 3D view, too.
+         * @description Steps to try on a cloud of a scan, its newest where none is named.
+         *
+         *     Attributes:
+         *         shows: in the 3D view, too.
+         *         marks: points that would go are shown, too, in red.
          * @example {
          *       "scan": "a-mug",
          *       "steps": [
@@ -3302,6 +3394,11 @@ export interface components {
         CleaningIn: {
             /** Cloud */
             cloud?: string | null;
+            /**
+             * Marks
+             * @default false
+             */
+            marks?: boolean;
             /** Scan */
             scan: string;
             /**
@@ -3369,6 +3466,7 @@ export interface components {
          *
          *     Attributes:
          *         path: where to download it, on this server.
+         *         made_by: `joined` of several scans, `cleaned` of another cloud; empty for what was scanned.
          */
         CloudOut: {
             /** Calibrated */
@@ -3380,6 +3478,8 @@ export interface components {
             created: string;
             /** Detector */
             detector: string;
+            /** Made By */
+            made_by: string;
             /** Name */
             name: string;
             /** Path */
@@ -3688,6 +3788,14 @@ export interface components {
             rms_mm: number;
         };
         /**
+         * ErasedMeshOut
+         * @description How much room a mesh took.
+         */
+        ErasedMeshOut: {
+            /** Freed Bytes */
+            freed_bytes: number;
+        };
+        /**
          * ErasedOut
          * @description What was erased for good.
          * @example {
@@ -3812,6 +3920,35 @@ export interface components {
             control: components["schemas"]["ControlOut"];
             /** Pictures */
             pictures: number;
+        };
+        /**
+         * FindingOut
+         * @description What one check for printing says; see `Finding`.
+         */
+        FindingOut: {
+            /** Advice */
+            advice: string;
+            /** Check */
+            check: string;
+            /** Sentence */
+            sentence: string;
+            /**
+             * State
+             * @enum {string}
+             */
+            state: "good" | "doubt" | "bad";
+        };
+        /**
+         * FinishPresetOut
+         * @description What a preset does to a certain cloud.
+         */
+        FinishPresetOut: {
+            mesh: components["schemas"]["MeshOptions"];
+            preset: components["schemas"]["Preset"];
+            /** Steps */
+            steps: {
+                [key: string]: unknown;
+            }[];
         };
         /**
          * FitOut
@@ -4134,6 +4271,63 @@ export interface components {
          */
         JobState: "queued" | "running" | "paused" | "done" | "failed" | "cancelled";
         /**
+         * JoinIn
+         * @description Several scans of one thing, to become one.
+         *
+         *     Attributes:
+         *         scans: two or more; all are brought into the frame of the first.
+         *         title: of the scan that comes of it.
+         *         options: see `JoinOptions`; clicked places of a scan in `pairs` spare the search for its position.
+         * @example {
+         *       "scans": [
+         *         {
+         *           "scan": "mug"
+         *         },
+         *         {
+         *           "scan": "mug-lying"
+         *         }
+         *       ],
+         *       "title": "Mug, all of it"
+         *     }
+         */
+        JoinIn: {
+            /**
+             * @default {
+             *       "is_fused": true,
+             *       "pairs": []
+             *     }
+             */
+            options?: components["schemas"]["JoinOptions"];
+            /** Scans */
+            scans: components["schemas"]["PartIn"][];
+            /** Title */
+            title: string;
+        };
+        /**
+         * JoinOptions
+         * @description What a person may say about a join; everything has a usual value.
+         *
+         *     Attributes:
+         *         cell_mm: edge of the cells of which the fine alignment takes one point each; by the points' own
+         *             spacing where it is not given.
+         *         pairs: three or more of one scan say where it lies, and it is not searched.
+         *         is_fused: where scans lie on each other, their points are averaged; otherwise all are kept.
+         */
+        JoinOptions: {
+            /** Cell Mm */
+            cell_mm?: number | null;
+            /**
+             * Is Fused
+             * @default true
+             */
+            is_fused?: boolean;
+            /**
+             * Pairs
+             * @default []
+             */
+            pairs?: components["schemas"]["PairedPlaces"][];
+        };
+        /**
          * LaserIn
          * @description A laser at an output of the board.
          */
@@ -4174,6 +4368,41 @@ export interface components {
             normal: number[];
             /** Rms Mm */
             rms_mm: number | null;
+        };
+        /**
+         * LassoIn
+         * @description An outline that was drawn on a page's view; its corners as of `MeasureIn`: across, then down.
+         */
+        LassoIn: {
+            /**
+             * Keep
+             * @default outside
+             * @enum {string}
+             */
+            keep?: "inside" | "outside";
+            /** Outline */
+            outline: [
+                number,
+                number
+            ][];
+            /** Tab */
+            tab: string;
+        };
+        /**
+         * LassoOut
+         * @description The step that takes away, or keeps, what lies in the outline from where the page looks now.
+         */
+        LassoOut: {
+            /**
+             * Step
+             * @example {
+             *       "kind": "quality",
+             *       "least": 0.3
+             *     }
+             */
+            step: {
+                [key: string]: unknown;
+            };
         };
         /**
          * Line
@@ -4455,6 +4684,40 @@ export interface components {
             tab: string;
         };
         /**
+         * MeshMadeOut
+         * @description How a mesh was made.
+         *
+         *     Attributes:
+         *         cloud: of which it was made.
+         *         points: that the cloud has.
+         *         used_points: those that were left after cleaning.
+         *         guessed_share: of a closed surface, 0..1: no points are there.
+         *         sizes: bytes of the files in each form, where they were counted.
+         */
+        MeshMadeOut: {
+            /** Cloud */
+            cloud: string;
+            /** Doubts */
+            doubts: string[];
+            /** Guessed Share */
+            guessed_share: number;
+            /** Notes */
+            notes: string[];
+            order: components["schemas"]["MeshOrderOut"];
+            /** Points */
+            points: number;
+            printing: components["schemas"]["PrintingOut"] | null;
+            /**
+             * Sizes
+             * @default {}
+             */
+            sizes?: {
+                [key: string]: number;
+            };
+            /** Used Points */
+            used_points: number;
+        };
+        /**
          * MeshOptions
          * @description How points become triangles.
          *
@@ -4506,8 +4769,20 @@ export interface components {
             trim_mm?: number | null;
         };
         /**
+         * MeshOrderOut
+         * @description What was asked for.
+         */
+        MeshOrderOut: {
+            mesh: components["schemas"]["MeshOptions"] | null;
+            preset: components["schemas"]["Preset"];
+            /** Steps */
+            steps: {
+                [key: string]: unknown;
+            }[] | null;
+        };
+        /**
          * MeshOut
-         * @description A mesh of a scan; see `MeshItem`. `path` takes `?form=stl` and others.
+         * @description A mesh of a scan; see `MeshItem`. `path` takes `?form=stl` and others. `made` is null where unknown.
          * @example {
          *       "created": "2026-11-21T10:20:00Z",
          *       "name": "2026-11-21T10-20-00Z-print.ply",
@@ -4523,6 +4798,7 @@ export interface components {
              * Format: date-time
              */
             created: string;
+            made: components["schemas"]["MeshMadeOut"] | null;
             /** Name */
             name: string;
             /** Path */
@@ -4574,6 +4850,44 @@ export interface components {
             type: "notice";
         };
         /**
+         * PairedPlaces
+         * @description One place of the thing, shown in two scans.
+         *
+         *     Attributes:
+         *         cloud: number of the scan that is to be placed; 0 is the first one.
+         *         here: where the place is in that scan.
+         *         there: where it is in the first scan.
+         */
+        PairedPlaces: {
+            /** Cloud */
+            cloud: number;
+            /** Here */
+            here: [
+                number,
+                number,
+                number
+            ];
+            /** There */
+            there: [
+                number,
+                number,
+                number
+            ];
+        };
+        /**
+         * PartIn
+         * @description A cloud that is to be joined; the newest of its scan where none is named.
+         */
+        PartIn: {
+            /**
+             * Cloud
+             * @default
+             */
+            cloud?: string;
+            /** Scan */
+            scan: string;
+        };
+        /**
          * PasswordIn
          * @description The new password, and the old one where there is one.
          * @example {
@@ -4589,6 +4903,39 @@ export interface components {
              * @default
              */
             old?: string;
+        };
+        /**
+         * PickIn
+         * @description A place in a page's view, as of `MeasureIn`; `before` are points that were picked before.
+         */
+        PickIn: {
+            /** Across */
+            across: number;
+            /**
+             * Before
+             * @default []
+             */
+            before?: [
+                number,
+                number,
+                number
+            ][];
+            /** Down */
+            down: number;
+            /** Tab */
+            tab: string;
+        };
+        /**
+         * PickOut
+         * @description The point of the cloud that lies there: x, y, z in mm, table frame.
+         */
+        PickOut: {
+            /** Point */
+            point: [
+                number,
+                number,
+                number
+            ];
         };
         /**
          * PictureOut
@@ -4745,6 +5092,28 @@ export interface components {
             note: string;
             /** Title */
             title: string;
+        };
+        /**
+         * PrintingOut
+         * @description A closed mesh as a printer sees it; see `PrintReport`.
+         */
+        PrintingOut: {
+            /** Area Cm2 */
+            area_cm2: number;
+            /** Findings */
+            findings: components["schemas"]["FindingOut"][];
+            /** Pla G */
+            pla_g: number;
+            /** Size Mm */
+            size_mm: [
+                number,
+                number,
+                number
+            ];
+            /** Volume Cm3 */
+            volume_cm3: number;
+            /** Wall Mm */
+            wall_mm: number | null;
         };
         /**
          * Problem
@@ -5541,6 +5910,8 @@ export interface components {
          *         preset: what for.
          *         steps: that clean the cloud, in order; those of the preset where absent.
          *         mesh: how the mesh is made; whatever is absent is as the preset has it.
+         *         has_mesh: whether there is to be one.
+         *         keeps_cloud: the cleaned cloud becomes another cloud of the scan.
          * @example {
          *       "mesh": {
          *         "triangles": 50000
@@ -5555,6 +5926,16 @@ export interface components {
              * @default
              */
             cloud?: string;
+            /**
+             * Has Mesh
+             * @default true
+             */
+            has_mesh?: boolean;
+            /**
+             * Keeps Cloud
+             * @default false
+             */
+            keeps_cloud?: boolean;
             mesh?: components["schemas"]["MeshOptions"] | null;
             /** @default print */
             preset?: components["schemas"]["Preset"];
@@ -6137,12 +6518,15 @@ export type DeviationOut = components['schemas']['DeviationOut'];
 export type DevicesOut = components['schemas']['DevicesOut'];
 export type DifferenceOut = components['schemas']['DifferenceOut'];
 export type DistancesOut = components['schemas']['DistancesOut'];
+export type ErasedMeshOut = components['schemas']['ErasedMeshOut'];
 export type ErasedOut = components['schemas']['ErasedOut'];
 export type EstimateOut = components['schemas']['EstimateOut'];
 export type ExportForm = components['schemas']['ExportForm'];
 export type ExportIn = components['schemas']['ExportIn'];
 export type ExposureIn = components['schemas']['ExposureIn'];
 export type ExposureOut = components['schemas']['ExposureOut'];
+export type FindingOut = components['schemas']['FindingOut'];
+export type FinishPresetOut = components['schemas']['FinishPresetOut'];
 export type FitOut = components['schemas']['FitOut'];
 export type FoundCameraOut = components['schemas']['FoundCameraOut'];
 export type FreedOut = components['schemas']['FreedOut'];
@@ -6154,9 +6538,13 @@ export type JobChangedOut = components['schemas']['JobChangedOut'];
 export type JobOut = components['schemas']['JobOut'];
 export type JobSaidOut = components['schemas']['JobSaidOut'];
 export type JobState = components['schemas']['JobState'];
+export type JoinIn = components['schemas']['JoinIn'];
+export type JoinOptions = components['schemas']['JoinOptions'];
 export type LaserIn = components['schemas']['LaserIn'];
 export type LaserOut = components['schemas']['LaserOut'];
 export type LaserPlaneOut = components['schemas']['LaserPlaneOut'];
+export type LassoIn = components['schemas']['LassoIn'];
+export type LassoOut = components['schemas']['LassoOut'];
 export type Line = components['schemas']['Line'];
 export type LiveIn = components['schemas']['LiveIn'];
 export type LiveKind = components['schemas']['LiveKind'];
@@ -6166,11 +6554,17 @@ export type LoginIn = components['schemas']['LoginIn'];
 export type LoginSessionOut = components['schemas']['LoginSessionOut'];
 export type LookIn = components['schemas']['LookIn'];
 export type MeasureIn = components['schemas']['MeasureIn'];
+export type MeshMadeOut = components['schemas']['MeshMadeOut'];
 export type MeshOptions = components['schemas']['MeshOptions'];
+export type MeshOrderOut = components['schemas']['MeshOrderOut'];
 export type MeshOut = components['schemas']['MeshOut'];
 export type Move = components['schemas']['Move'];
 export type NoticeOut = components['schemas']['NoticeOut'];
+export type PairedPlaces = components['schemas']['PairedPlaces'];
+export type PartIn = components['schemas']['PartIn'];
 export type PasswordIn = components['schemas']['PasswordIn'];
+export type PickIn = components['schemas']['PickIn'];
+export type PickOut = components['schemas']['PickOut'];
 export type PictureOut = components['schemas']['PictureOut'];
 export type PicturesOut = components['schemas']['PicturesOut'];
 export type PlaneChangeOut = components['schemas']['PlaneChangeOut'];
@@ -6179,6 +6573,7 @@ export type PortIn = components['schemas']['PortIn'];
 export type PortOut = components['schemas']['PortOut'];
 export type Preset = components['schemas']['Preset'];
 export type PresetOut = components['schemas']['PresetOut'];
+export type PrintingOut = components['schemas']['PrintingOut'];
 export type Problem = components['schemas']['Problem'];
 export type ProblemOut = components['schemas']['ProblemOut'];
 export type ProofFindingOut = components['schemas']['ProofFindingOut'];
@@ -8764,6 +9159,48 @@ export interface operations {
             };
         };
     };
+    start_joining: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["JoinIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+        };
+    };
     start_reconstruction: {
         parameters: {
             query?: never;
@@ -9720,6 +10157,47 @@ export interface operations {
             };
         };
     };
+    erase_scan_mesh: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                mesh: string;
+                name: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["ErasedMeshOut"];
+                };
+            };
+        };
+    };
     show_mesh: {
         parameters: {
             query?: never;
@@ -10301,6 +10779,48 @@ export interface operations {
             };
         };
     };
+    list_surface_presets: {
+        parameters: {
+            query?: {
+                cloud?: string;
+            };
+            header?: never;
+            path: {
+                scan: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["FinishPresetOut"][];
+                };
+            };
+        };
+    };
     try_surface_steps: {
         parameters: {
             query?: never;
@@ -10579,6 +11099,48 @@ export interface operations {
             };
         };
     };
+    draw_lasso: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["LassoIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["LassoOut"];
+                };
+            };
+        };
+    };
     look_from: {
         parameters: {
             query?: never;
@@ -10696,6 +11258,84 @@ export interface operations {
                 content: {
                     "application/json": components["schemas"]["ViewOut"];
                 };
+            };
+        };
+    };
+    pick_in_view: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["PickIn"];
+            };
+        };
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["PickOut"];
+                };
+            };
+        };
+    };
+    forget_picks: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
         };
     };
