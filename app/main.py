@@ -74,7 +74,7 @@ def create_app(
     access = access or Access.open(settings.folder)
     with ExitStack() as building:
         building.callback(access.save_seen)
-        machine = building.enter_context(_bench(description))
+        machine = building.enter_context(_bench(description, lambda words: runner.ask_person(words)))
         view = building.enter_context(CloudView())
         building.enter_context(Follower(machine, view))
         for folder in (settings.scans, settings.jobs):
@@ -137,12 +137,16 @@ def create_app(
     return application
 
 
-def _bench(description: BenchDescription | ScannerError) -> Bench:
+def _bench(description: BenchDescription | ScannerError, ask: Callable[[str], None]) -> Bench:
     """That of a description; where it cannot be built, one without devices, which says why."""
     try:
-        return no_bench(description) if isinstance(description, ScannerError) else Bench.build(description)
+        if not isinstance(description, ScannerError):
+            return Bench.build(description, ask=ask)
+        machine = no_bench(description)
     except (OptionError, BenchFileError) as error:
-        return no_bench(error)
+        machine = no_bench(error)
+    machine.ask = ask
+    return machine
 
 
 def _make(folder: Path, machine: Bench) -> None:

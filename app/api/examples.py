@@ -26,7 +26,7 @@ _JOB: Json = {
     "id": "20261121-101500-scan-1", "kind": "scan", "title": "A mug", "state": "running",
     "created": "2026-11-21T10:15:00Z", "ended": None, "done": 120, "total": 400, "note": "",
     "seconds": 41.2, "seconds_left": 96.0, "waits_for": "", "problem": None, "result": {}, "scan": "a-mug",
-    "can_resume": False,
+    "can_resume": False, "asks": False,
 }  # fmt: skip
 _CLOUD: Json = {
     "name": "clouds/20261121-101720.ply", "path": "/api/v1/scans/a-mug/clouds/20261121-101720.ply",
@@ -171,6 +171,7 @@ EXAMPLES: Final[dict[str, Any]] = {
     "ImportedOut": {"calibration": _KEPT_WHOLE, "was_there": False},
     "JobOut": _JOB,
     "Line": {"line": "G90", "understood": True},
+    "DoneIn": {"words": "Turn the table to 30 degrees, then confirm."},
     "DetectorOut": {"name": "zero-crossing", "threshold": 12.0},
     "LiveIn": {"threshold": 25.0, "channel": "red"},
     "LiveMessage": {

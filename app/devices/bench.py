@@ -73,6 +73,8 @@ class Bench:
         world: the simulated world, where a device is simulated.
         stops: how often everything was made safe.
         zero_name: names the zero of the table's angles; another one each time that it is set anew.
+        ask: tells a person what to do, and returns when it is done, for tables that are turned by hand; None
+            where there is nobody. The devices of another bench ask the same.
     """
 
     def __init__(
@@ -101,6 +103,7 @@ class Bench:
         self._is_halted = False
         self._is_guarded = False
         self._where: PositionUnknown | None = None
+        self.ask: Callable[[str], None] | None = None
 
     @classmethod
     def build(cls, description: BenchDescription, *, ask: Callable[[str], None] | None = None) -> Self:
@@ -108,7 +111,7 @@ class Bench:
 
         Args:
             description: of the bench.
-            ask: tells a person what to do, and returns when it is done; for tables that are turned by hand.
+            ask: see `Bench`.
 
         Raises:
             OptionError, BenchFileError: a driver or an option does not exist.
@@ -131,7 +134,9 @@ class Bench:
                 folder.cleanup()
             raise
         camera = _camera(driver, description.camera)
-        return cls(description, table, camera, world=world, folder=folder, lit=lit)
+        bench = cls(description, table, camera, world=world, folder=folder, lit=lit)
+        bench.ask = ask
+        return bench
 
     def connect(self) -> None:
         """Connect whatever is not connected; tries both before it complains about one.
@@ -204,7 +209,7 @@ class Bench:
             OptionError, BenchFileError: the new one cannot be built; all is as it was.
         """
         with self.lease("choosing another bench", wait_s=0.0):
-            fresh = type(self).build(description)
+            fresh = type(self).build(description, ask=self.ask)
             former = Bench(
                 self.description, self.turntable, self.camera, world=self.world, folder=self._folder
             )

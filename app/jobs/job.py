@@ -69,6 +69,7 @@ class JobSnapshot:
         seconds: how long it has worked, without rests and waits; by a clock that nobody sets.
         seconds_left: as far as can be foretold; None where it cannot.
         waits_for: what it waits for, such as its turn or a device that is away; empty for nothing.
+        asks: whether that is something a person is to do, and to say so with `JobRunner.is_done_by_hand`.
         problem: why it failed.
         result: what it made, by name.
         created, ended: when, in UTC.
@@ -96,6 +97,7 @@ class JobSnapshot:
     can_resume: bool = False
     order: Mapping[str, Any] | None = None
     number: int = 0
+    asks: bool = False
 
 
 class JobCancelled(Exception):  # noqa: N818 (an event, not an error)

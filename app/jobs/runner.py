@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, TypeAlias
 from uuid import uuid4
 
-from app.errors import JobRuns, NotThere, OptionError, ScannerError
+from app.errors import DeviceRefused, JobRuns, NotNow, NotThere, OptionError, ScannerError
 from app.jobs.archive import JobArchive
 from app.jobs.events import EventBus, JobChanged, JobSaid
 from app.jobs.job import JobCancelled, JobProblem, JobSnapshot, JobState
@@ -21,6 +21,7 @@ from app.jobs.pace import Pace
 _LINES_KEPT = 500
 _ENDED_KEPT = 200
 _SAVED_EVERY_S = 2.0
+_LOOKS_UP_S = 0.2
 _log = logging.getLogger(__name__)
 
 Work: TypeAlias = "Callable[[JobContext], Mapping[str, Any]]"
@@ -117,6 +118,43 @@ class JobRunner:
     def resume(self, job_id: str) -> JobSnapshot:
         return self._set_running(job_id, is_running=True, of=JobState.PAUSED, to=JobState.RUNNING)
 
+    def ask_person(self, words: str) -> None:
+        """Have the job on the bench wait until a person has done this, and said so.
+
+        Raises:
+            DeviceRefused: no job is at work on the bench.
+            JobCancelled: in its thread, where it is cancelled instead.
+        """
+        with self._lock:
+            busy = [job for job in self._jobs.values() if job.needs_bench and job.thread is not None]
+            job = next((each for each in busy if not each.has_ended), None)
+        if job is None:
+            hint = "Start a scan: it says when to turn the table, and how far."
+            raise DeviceRefused("turntable", f"is worked by hand ({words.rstrip('.')})", hint)
+        with self._lock:
+            job.has_done.clear()
+            self.waits(job, words, asks=True)
+        try:
+            while not (job.has_done.wait(_LOOKS_UP_S) or job.is_cancelled):
+                pass
+        finally:
+            self.waits(job, "")
+        if job.is_cancelled:
+            raise JobCancelled
+
+    def is_done_by_hand(self, job_id: str, words: str) -> JobSnapshot:
+        """A person says that it is done; a second press meant for the same is none for the next.
+
+        Raises:
+            NotNow: the job does not ask for this, or not any more.
+        """
+        with self._lock:
+            job = self._find(job_id)
+            if not job.snapshot.asks or job.snapshot.waits_for != words:
+                raise NotNow(f"The job {job.snapshot.title!r} does not ask for this.")
+            job.has_done.set()
+        return self._shown(job.snapshot)
+
     def cancel(self, job_id: str) -> JobSnapshot:
         """End a job; what it has made so far stays. One that has ended already stays as it is."""
         with self._lock:
@@ -174,7 +212,7 @@ class JobRunner:
             if not ended:
                 snapshot = replace(
                     snapshot, state=JobState.FAILED, problem=JobProblem.interrupted(), waits_for="",
-                    seconds_left=None, ended=datetime.now(UTC),
+                    asks=False, seconds_left=None, ended=datetime.now(UTC),
                 )  # fmt: skip
                 self._archive.save(snapshot)
             self._jobs[snapshot.id] = _Job(snapshot, _over, needs_bench=False, has_ended=True)
@@ -258,7 +296,7 @@ class JobRunner:
             job.has_ended = True
             job.wait(is_waiting=False)
             self._changed(
-                job, state=state, problem=problem, ended=datetime.now(UTC), waits_for="",
+                job, state=state, problem=problem, ended=datetime.now(UTC), waits_for="", asks=False,
                 seconds=round(job.active_s(), 3), seconds_left=None,
             )  # fmt: skip
             # Whoever sees that it has ended finds it so on the disk.
@@ -296,10 +334,10 @@ class JobRunner:
         if time.monotonic() - job.saved_s > _SAVED_EVERY_S:
             self._save(job, is_durable=False)
 
-    def waits(self, job: "_Job", for_what: str) -> None:
+    def waits(self, job: "_Job", for_what: str, *, asks: bool = False) -> None:
         with self._lock:
             job.wait(bool(for_what))
-            self._changed(job, waits_for=for_what)
+            self._changed(job, waits_for=for_what, asks=asks)
 
     def say(self, job: "_Job", line: str) -> None:
         stamped = f"{datetime.now(UTC):%H:%M:%S} {line}"
@@ -320,6 +358,7 @@ class _Job:
     lines: deque[str] = field(default_factory=lambda: deque(maxlen=_LINES_KEPT))
     on_cancel: list[Callable[[], None]] = field(default_factory=list)
     may_run: threading.Event = field(default_factory=threading.Event)
+    has_done: threading.Event = field(default_factory=threading.Event)
     is_cancelled: bool = False
     has_ended: bool = False
     thread: threading.Thread | None = None

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from app.errors import DeviceLost, JobRuns, NotThere, OutputError
+from app.errors import DeviceLost, DeviceRefused, JobRuns, NotNow, NotThere, OutputError
 from app.jobs.events import EventBus, JobChanged, JobSaid, PointsAdded
 from app.jobs.job import JobSnapshot, JobState
 from app.jobs.pace import Pace
@@ -45,6 +45,27 @@ def test_an_expected_error_is_told_with_its_hint(runner: JobRunner) -> None:
     assert problem is not None
     assert (problem.code, problem.message) == ("device-lost", "camera: is gone")
     assert problem.hint
+
+
+def test_a_job_on_the_bench_waits_until_a_person_says_that_it_is_done(runner: JobRunner) -> None:
+    def work(job: JobContext) -> Mapping[str, Any]:
+        runner.ask_person("Turn the table to 30 degrees, then confirm.")
+        return {"turned": 30}
+
+    with pytest.raises(DeviceRefused, match="worked by hand"):
+        runner.ask_person("Turn the table to 30 degrees, then confirm.")
+    job = runner.submit("scan", "by hand", work, needs_bench=True)
+    _wait(lambda: runner.job(job.id).asks)
+    assert runner.job(job.id).waits_for == "Turn the table to 30 degrees, then confirm."
+    with pytest.raises(NotNow, match="does not ask"):
+        runner.is_done_by_hand(job.id, "Turn the table to 20 degrees, then confirm.")
+    runner.is_done_by_hand(job.id, runner.job(job.id).waits_for)
+    ended = _ended(runner, job.id)
+    assert (ended.result, ended.asks, ended.waits_for) == ({"turned": 30}, False, "")
+    other = runner.submit("scan", "by hand", work, needs_bench=True)
+    _wait(lambda: runner.job(other.id).asks)
+    runner.cancel(other.id)
+    assert _ended(runner, other.id).state is JobState.CANCELLED
 
 
 def test_a_surprise_ends_the_job_with_its_traceback_in_the_log(runner: JobRunner) -> None:

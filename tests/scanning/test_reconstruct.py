@@ -259,14 +259,14 @@ def test_only_the_part_of_the_picture_that_was_drawn_gives_points(small_scan: Sm
     options = ReconstructionOptions(uses_markers=False, polygon=upper)
     run = reconstruct_recording(small_scan.recording, rig, scan_detector(), options)
     rows = [
-        rig.camera.project(rig.axis.table_from_camera(profile.angle_rad).inverse() @ profile.cloud.points)[
-            :, 1
-        ]
-        for profile in run
-        if len(profile.cloud)
+        rig.camera.project(
+            rig.axis.table_from_camera(each.angle_rad).inverse() @ np.float64(each.cloud.points)
+        )
+        for each in run
+        if len(each.cloud)
     ]
     assert 0 < sum(map(len, rows)) < len(joined(small_scan.profiles))
-    assert max(row.max() for row in rows) < rig.camera.size[1] / 2 + 1.0
+    assert max(row[:, 1].max() for row in rows) < rig.camera.size[1] / 2 + 1.0
 
 
 def test_a_higher_threshold_and_another_channel_find_less_of_the_stripe(small_scan: SmallScan) -> None:

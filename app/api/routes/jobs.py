@@ -38,10 +38,21 @@ class JobOut(BaseModel):
     seconds: float
     seconds_left: float | None
     waits_for: str
+    asks: bool
     problem: ProblemOut | None
     result: dict[str, Any]
     scan: str
     can_resume: bool
+
+
+class DoneIn(BaseModel):
+    """What a person has done.
+
+    Attributes:
+        words: as the job asked for it, its `waits_for`.
+    """
+
+    words: Annotated[str, Field(max_length=1000)]
 
 
 @router.get("")
@@ -81,6 +92,12 @@ def pause_job(served: Served, job_id: str) -> JobOut:
 def resume_job(served: Served, job_id: str) -> JobOut:
     """Let it go on."""
     return shown(served.runner.resume(job_id))
+
+
+@router.post("/{job_id}/done")
+def tell_done(served: Served, job_id: str, done: DoneIn) -> JobOut:
+    """What the job asked a person for, such as to turn a table without a motor, is done."""
+    return shown(served.runner.is_done_by_hand(job_id, done.words))
 
 
 @router.post("/{job_id}/cancel")
