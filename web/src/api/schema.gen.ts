@@ -1049,6 +1049,26 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/jobs/{job_id}/done": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        /**
+         * Tell done
+         * @description What the job asked a person for, such as to turn a table without a motor, is done.
+         */
+        post: operations["tell_done"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/jobs/{job_id}/file": {
         parameters: {
             query?: never;
@@ -2162,6 +2182,7 @@ export interface components {
          * @description One event.
          * @example {
          *       "job": {
+         *         "asks": false,
          *         "can_resume": false,
          *         "created": "2026-11-21T10:15:00Z",
          *         "done": 120,
@@ -3788,6 +3809,20 @@ export interface components {
             rms_mm: number;
         };
         /**
+         * DoneIn
+         * @description What a person has done.
+         *
+         *     Attributes:
+         *         words: as the job asked for it, its `waits_for`.
+         * @example {
+         *       "words": "Turn the table to 30 degrees, then confirm."
+         *     }
+         */
+        DoneIn: {
+            /** Words */
+            words: string;
+        };
+        /**
          * ErasedMeshOut
          * @description How much room a mesh took.
          */
@@ -4157,6 +4192,7 @@ export interface components {
          * @description A job is new, or at another point than before.
          * @example {
          *       "job": {
+         *         "asks": false,
          *         "can_resume": false,
          *         "created": "2026-11-21T10:15:00Z",
          *         "done": 120,
@@ -4189,6 +4225,7 @@ export interface components {
          * JobOut
          * @description A job; see `JobSnapshot`.
          * @example {
+         *       "asks": false,
          *       "can_resume": false,
          *       "created": "2026-11-21T10:15:00Z",
          *       "done": 120,
@@ -4208,6 +4245,8 @@ export interface components {
          *     }
          */
         JobOut: {
+            /** Asks */
+            asks: boolean;
             /** Can Resume */
             can_resume: boolean;
             /**
@@ -5819,6 +5858,7 @@ export interface components {
          *       },
          *       "jobs": [
          *         {
+         *           "asks": false,
          *           "can_resume": false,
          *           "created": "2026-11-21T10:15:00Z",
          *           "done": 120,
@@ -6518,6 +6558,7 @@ export type DeviationOut = components['schemas']['DeviationOut'];
 export type DevicesOut = components['schemas']['DevicesOut'];
 export type DifferenceOut = components['schemas']['DifferenceOut'];
 export type DistancesOut = components['schemas']['DistancesOut'];
+export type DoneIn = components['schemas']['DoneIn'];
 export type ErasedMeshOut = components['schemas']['ErasedMeshOut'];
 export type ErasedOut = components['schemas']['ErasedOut'];
 export type EstimateOut = components['schemas']['EstimateOut'];
@@ -8843,6 +8884,50 @@ export interface operations {
             cookie?: never;
         };
         requestBody?: never;
+        responses: {
+            /** @description What is wrong with the request. */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description What the scanner cannot do now. */
+            "5XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/problem+json": components["schemas"]["Problem"];
+                };
+            };
+            /** @description Successful Response */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["JobOut"];
+                };
+            };
+        };
+    };
+    tell_done: {
+        parameters: {
+            query?: never;
+            header?: never;
+            path: {
+                job_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["DoneIn"];
+            };
+        };
         responses: {
             /** @description What is wrong with the request. */
             "4XX": {
