@@ -9,6 +9,7 @@ import asyncio
 import logging
 import re
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final, TypedDict
 from urllib.parse import urlsplit
 
@@ -111,20 +112,25 @@ async def _serve(down: WebSocket, view: CloudView, tab: str) -> None:
         return
     try:
         # Loopback: no ping is needed, and a proxy from the environment would be wrong.
-        async with connect(
+        up = await connect(
             f"ws://127.0.0.1:{view.port}/", subprotocols=[Subprotocol(spoken)], compression=None,
             max_size=None, max_queue=2, ping_interval=None, proxy=None,
-        ) as up:  # fmt: skip
-            port = up.local_address[1]
-            view.entered(port, tab)
-            try:
-                await down.accept(subprotocol=up.subprotocol)
-                await _pass_on(down, up)
-            finally:
-                view.left(port)
+        )  # fmt: skip
     except (OSError, InvalidHandshake) as error:
         _log.warning("the 3D view does not answer: %s", error)
-        await down.close(_TRY_LATER)
+        with suppress(OSError, WebSocketDisconnect):
+            await down.close(_TRY_LATER)
+        return
+    async with up:
+        port = up.local_address[1]
+        view.entered(port, tab)
+        try:
+            await down.accept(subprotocol=up.subprotocol)
+            await _pass_on(down, up)
+        except (OSError, WebSocketDisconnect):
+            _log.debug("a viewer of the 3D view left before it was connected")
+        finally:
+            view.left(port)
 
 
 async def _pass_on(down: WebSocket, up: ClientConnection) -> None:
