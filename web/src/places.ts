@@ -1,5 +1,6 @@
 /** The five places, each fetched when it is first gone to. */
 import type { Component } from "svelte";
+import type { JobOut } from "./api/schema.gen";
 import type { Key } from "./i18n/index.svelte";
 import type { PlaceName } from "./router.svelte";
 import type { IconName } from "./ui/icons";
@@ -39,9 +40,10 @@ export const places: readonly Place[] = [
   },
 ];
 
-/** Where a job of a kind is looked after. */
-export function placeOfJob(kind: string): string {
+/** Where a job is looked after. */
+export function placeOfJob({ kind, scan }: Pick<JobOut, "kind" | "scan">): string {
   if (kind === "checkup") return "/settings/doctor";
   if (kind.startsWith("calibrat")) return "/calibrate";
+  if (kind === "surface" || kind === "join") return `/library/${encodeURIComponent(scan)}/finish`;
   return kind === "scan" || kind === "texture" ? "/scan" : "/library";
 }

@@ -51,7 +51,7 @@ class PrintingOut(BaseModel):
     """A closed mesh as a printer sees it; see `PrintReport`."""
 
     findings: list[FindingOut]
-    size_mm: tuple[float, float, float]
+    size_mm: list[float]
     volume_cm3: float
     area_cm2: float
     pla_g: float

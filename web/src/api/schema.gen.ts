@@ -5144,11 +5144,7 @@ export interface components {
             /** Pla G */
             pla_g: number;
             /** Size Mm */
-            size_mm: [
-                number,
-                number,
-                number
-            ];
+            size_mm: number[];
             /** Volume Cm3 */
             volume_cm3: number;
             /** Wall Mm */
