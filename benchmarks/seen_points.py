@@ -12,8 +12,9 @@ from app.simulation.mesh import Mesh
 
 NOISE_MM = 0.03
 _CAMERA_MM = np.array([250.0, 0.0, 130.0])
-_VIEWS = 36
-_PIXELS_PER_MM = 1.0
+_VIEWS = 24
+_PIXELS_PER_MM = 0.8
+_COVER = 120_000
 _HIDDEN_MM = 1.5
 _LEAST_FACING = 0.2
 _TABLE_RADIUS_MM, _TABLE_SHARE = 80.0, 0.15
@@ -46,7 +47,7 @@ def seen(
     points, faces = sample_surface(truth, count, seed=int(rng.integers(1 << 30)))
     normals = np.asarray(truth.face_normals[faces], np.float64)
     albedo = mesh.albedo[mesh.faces[faces]].mean(axis=1)[:, ::-1]
-    cover, _ = sample_surface(truth, 300_000, seed=1)
+    cover, _ = sample_surface(truth, _COVER, seed=1)
     best = np.full(len(points), _LEAST_FACING)
     angle = np.full(len(points), np.nan)
     for turn in np.arange(_VIEWS) * 2.0 * np.pi / _VIEWS + rng.uniform(0.0, 0.1):

@@ -17,6 +17,8 @@ _COARSE_POINTS, _FINE_POINTS = 1_500, 8_000
 _GUESSES, _PROMISING, _DISTINCT, _FINALISTS = 40_000, 2_000, 200, 8
 _QUICK_POINTS, _THOROUGH_POINTS = 60, 400
 _SETTLING = 15
+# What is so much worse than the best at first sight is not looked at again.
+_HOPELESS = 0.6
 _AT_ONCE = 1_000_000
 _SAME_TURN_DEG, _SAME_SHIFT = 8.0, 3.0
 # Points in seen-through space count so many times as much as points on the surface.
@@ -29,10 +31,10 @@ class Candidate:
 
     Attributes:
         pose: the fixed scan's frame from the moving one's.
-        overlap: share of the smaller scan's points that lie on the other scan, 0..1.
+        overlap: share of points that lie on the other scan, 0..1; of the scan that shares more.
         residual_mm: how far apart they are there.
         carved: share of points, of either scan, where the other one saw through.
-        score: the higher the better.
+        score: the overlap, counting points by how near they lie, less what is carved; the higher the better.
     """
 
     pose: RigidTransform
@@ -84,14 +86,21 @@ def candidates(fixed: Scales, moving: Scales, seed: int = 0) -> list[Candidate]:
     score = _scores(fixed.field, part, rotations, translations, 0.7 * cell)
     order = np.argsort(-score, kind="stable")
     keep = _distinct(rotations, translations, middle, order, _SAME_SHIFT * cell, _FINALISTS)
-    finalists = []
-    for number in keep:
+    finalists: list[Candidate] = []
+    for number in keep[score[keep] > _HOPELESS * score[keep[0]]]:
         pose = RigidTransform(rotations[number], translations[number])
         poses = [RigidTransform.identity(), pose]
         for reach_mm, iterations in ((cell, 10), (0.4 * cell, 10)):
             poses = refine([fixed.fine, moving.fine], poses, [(0, 1)], reach_mm, iterations)
         finalists.append(judged(fixed, moving, poses[1]))
-    return sorted(finalists, key=lambda each: -each.score)
+    finalists.sort(key=lambda each: -each.score)
+    rotations = np.stack([each.pose.rotation for each in finalists])
+    translations = np.stack([each.pose.translation for each in finalists])
+    # Refining brings some of them to the same place.
+    keep = _distinct(
+        rotations, translations, middle, np.arange(len(finalists)), _SAME_SHIFT * cell, _FINALISTS
+    )
+    return [finalists[number] for number in keep]
 
 
 def judged(fixed: Scales, moving: Scales, pose: RigidTransform) -> Candidate:

@@ -22,8 +22,9 @@ Progress = Callable[[str, float], None]
 _FINE_POINTS = 40_000
 _REACH_CELLS = (6.0, 3.0, 2.0)
 _ITERATIONS = 15
-_LEAST_OVERLAP = 0.08
-_SURE_OVERLAP = 0.2
+_LEAST_OVERLAP = 0.04
+# Of two things that are not the same, the score is below zero; of halves that share nothing, 0.1.
+_LEAST_SCORE, _SURE_SCORE = 0.15, 0.3
 _MOST_CARVED = 0.03
 _RIVAL = 0.9
 
@@ -146,7 +147,7 @@ def _placed(
                     found[base, number] = candidates(sizes[base], sizes[number])
         open_links = [link for link in found if link[1] in waiting and found[link]]
         best = max(open_links, key=lambda link: found[link][0].score, default=None)
-        if best is None or found[best][0].overlap < _LEAST_OVERLAP:
+        if best is None or found[best][0].score < _LEAST_SCORE:
             raise SurfaceError(
                 f"{_name(waiting[0])} shows no surface that the others show, too.",
                 "Show three places that both scans have, or scan so that more of the thing is in both.",
@@ -160,8 +161,8 @@ def _placed(
 def _doubts(ways: Sequence[Candidate], name: str) -> tuple[str, ...]:
     best = ways[0]
     doubts = []
-    if best.overlap < _SURE_OVERLAP:
-        doubts.append(f"{name} shows little that the others show: {100.0 * best.overlap:.0f} % of it.")
+    if best.score < _SURE_SCORE:
+        doubts.append(f"{name} shares little surface with the others: {100.0 * best.overlap:.0f} % of it.")
     if best.carved > _MOST_CARVED:
         doubts.append(f"{name} has surface where another scan saw through.")
     if len(ways) > 1 and ways[1].score > _RIVAL * best.score:
@@ -184,7 +185,7 @@ def _links(
     for one in range(len(scans)):
         for other in range(one + 1, len(scans)):
             pairs = Partners.between(scans[one].sample, poses[one], scans[other], poses[other], reach_mm)
-            if len(pairs) > 0.5 * _LEAST_OVERLAP * min(len(scans[one].sample), len(scans[other].sample)):
+            if len(pairs) > _LEAST_OVERLAP * min(len(scans[one].sample), len(scans[other].sample)):
                 links.append((one, other))
     return links
 

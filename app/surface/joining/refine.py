@@ -38,6 +38,7 @@ class Partners:
     Attributes:
         which, theirs: (N,) numbers of the points in the one and the other scan.
         points: (N, 3) mm, between the two.
+        distances_mm: (N,) between the two.
         normals: (N, 3) unit vectors, the mean of both.
         apart_mm: (N,) how far the other scan's surface lies outside, along the normal.
         weights: (N,) one over the variance of that.
@@ -46,6 +47,7 @@ class Partners:
     which: NDArray[np.intp]
     theirs: NDArray[np.intp]
     points: Points
+    distances_mm: Floats
     normals: Points
     apart_mm: Floats
     weights: Floats
@@ -75,10 +77,16 @@ class Partners:
         apart = np.einsum("ni,ni->n", partner - points[which], mean)
         weights = 1.0 / (one.sigma_mm[which] ** 2 + other.sample.sigma_mm[theirs] ** 2)
         middle = other_pose @ (0.5 * (points[which] + partner))
-        return cls(which, theirs, middle, mean @ other_pose.rotation.T, apart, weights)
+        return cls(which, theirs, middle, distances[which], mean @ other_pose.rotation.T, apart, weights)
 
     def __len__(self) -> int:
         return len(self.which)
+
+    def select(self, keep: NDArray[np.bool_]) -> "Partners":
+        return Partners(
+            self.which[keep], self.theirs[keep], self.points[keep], self.distances_mm[keep],
+            self.normals[keep], self.apart_mm[keep], self.weights[keep],
+        )  # fmt: skip
 
 
 def refine(
