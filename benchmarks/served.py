@@ -1,4 +1,4 @@
-"""A server with a ball on its simulated bench, in a process of its own."""
+"""A server with a simulated bench, in a process of its own."""
 
 import signal
 import socket
@@ -25,21 +25,21 @@ channel = 2
 colour = "red"
 [simulation]
 dialect = "horus"
-object = "sphere"
 """
 _FAREWELL_S = 30.0
 
 
 @contextmanager
-def served(folder: Path, **simulation: float) -> Iterator[str]:
+def served(folder: Path, **simulation: str | float) -> Iterator[str]:
     """The address of `turnscan serve` in a process of its own.
 
     Args:
         folder: empty; for all that it keeps.
-        simulation: further keys of the simulated bench, see `WorldPlan`.
+        simulation: further keys of the simulated bench, see `WorldPlan`; without others, of a ball.
     """
+    wanted: dict[str, str | float] = {"object": "sphere", **simulation}
     bench = folder / "bench.toml"
-    bench.write_text(_BENCH + "".join(f"{key} = {value}\n" for key, value in simulation.items()))
+    bench.write_text(_BENCH + "".join(f"{key} = {value!r}\n" for key, value in wanted.items()))
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = int(free.getsockname()[1])

@@ -25,6 +25,7 @@ _FIRST = (
     "test_whole_scan.py",
     "test_jobs.py",
     "test_stopping.py",
+    "test_journeys.py",
     "test_page.py",
     "test_every_board.py",
     "test_in_browser.py",
