@@ -89,4 +89,5 @@ def live_points_for(
         lambda angle_deg: way * angle_deg, on_profile=on_profile,
         is_grey=has_partners and bench.camera.facts.gives_jpeg,
         options=replace(options, ahead=0, with_colour=False),
+        each_alone=session.plan.mode != "step",
     )  # fmt: skip

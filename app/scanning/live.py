@@ -26,7 +26,7 @@ class LivePoints:
     Pictures that come faster than they can be computed are left out and counted; the recording has them.
 
     Args:
-        rig, detector, colours, turn_rad, options, platter, layout: as for `reconstruct_shots`.
+        rig, detector, colours, turn_rad, options, platter, layout, each_alone: as for `reconstruct_shots`.
         on_profile: told each profile, in the thread that computes.
         is_grey: lit pictures have dark partners and come as JPEG, which is decoded to grey as from a disk.
 
@@ -49,6 +49,7 @@ class LivePoints:
         options: ReconstructionOptions | None = None,
         platter: PlatterSpec | None = None,
         layout: MarkerLayout | None = None,
+        each_alone: bool = False,
     ) -> None:
         self.points = self.profiles = self.left_out = 0
         self.problem = ""
@@ -57,7 +58,7 @@ class LivePoints:
         self._waiting: queue.Queue[Taken | None] = queue.Queue(_MOST_WAITING)
         options = options or ReconstructionOptions(ahead=0, with_colour=False)
         self._run = reconstruct_shots(
-            self._shots(), rig, detector, colours, turn_rad, options, platter, layout
+            self._shots(), rig, detector, colours, turn_rad, options, platter, layout, each_alone=each_alone
         )
         self._thread = threading.Thread(target=self._compute, name="live points", daemon=True)
         self._thread.start()

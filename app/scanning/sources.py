@@ -102,6 +102,8 @@ def reconstruct_shots(
     options: ReconstructionOptions | None = None,
     platter: PlatterSpec | None = None,
     layout: MarkerLayout | None = None,
+    *,
+    each_alone: bool = False,
 ) -> Reconstruction[Shot]:
     """Shots as they are taken, as profiles; nothing is kept but what the next profile needs.
 
@@ -113,11 +115,13 @@ def reconstruct_shots(
         turn_rad: the shots' `angle_deg` as a right-handed turn about the upward axis.
         options: `ahead=0` gives every profile as early as it can be had.
         platter, layout: markers on the table and where they lie; both are needed for them to be used.
+        each_alone: no two shots show the same stop, see `stops_of_shots`.
     """
     options = options or ReconstructionOptions(ahead=0)
     used = platter if options.uses_markers and layout else None
     return Reconstruction(
-        stops_of_shots(shots, turn_rad), _as_they_are, _observer(rig, detector, colours, used, options),
+        stops_of_shots(shots, turn_rad, each_alone=each_alone), _as_they_are,
+        _observer(rig, detector, colours, used, options),
         AngleReader(rig, (layout or {}) if used else {}), _region(rig, options, layout), options,
     )  # fmt: skip
 

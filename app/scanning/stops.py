@@ -111,7 +111,9 @@ def group_stops(
     return stops
 
 
-def stops_of_shots(shots: Iterable[Shot], turn_rad: Callable[[float], float]) -> Iterator[Stop[Shot]]:
+def stops_of_shots(
+    shots: Iterable[Shot], turn_rad: Callable[[float], float], *, each_alone: bool = False
+) -> Iterator[Stop[Shot]]:
     """Stops of a stream, each handed on when the first frame of the next one arrives.
 
     A stop without a colour picture of its own gets the last one that was taken.
@@ -119,6 +121,7 @@ def stops_of_shots(shots: Iterable[Shot], turn_rad: Callable[[float], float]) ->
     Args:
         shots: scan and texture frames; others are passed over.
         turn_rad: `angle_deg` of a shot as a right-handed turn.
+        each_alone: every shot is a stop of its own, as while the table turns steadily, and waits for none.
 
     Raises:
         ReconstructionError: a shot has no angle.
@@ -145,6 +148,9 @@ def stops_of_shots(shots: Iterable[Shot], turn_rad: Callable[[float], float]) ->
             yield from together()
             waiting = []
         waiting.append(shot)
+        if each_alone:
+            yield from together()
+            waiting = []
     yield from together()
 
 

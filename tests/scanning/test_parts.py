@@ -1,5 +1,7 @@
 """The small pure parts of a reconstruction."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -75,6 +77,19 @@ def test_frames_that_differ_in_exposure_alone_are_a_stack() -> None:
 def test_frames_that_are_the_same_twice_are_two_views() -> None:
     (stop,) = group_stops([shot(0.0, "left"), shot(0.0, "left")], turn_of)
     assert [len(view.exposures) for view in stop.views] == [1, 1]
+
+
+def test_shots_of_a_steady_turn_do_not_wait_for_the_next() -> None:
+    taken = 0
+
+    def shots() -> Iterator[Shot]:
+        nonlocal taken
+        for angle_deg in (0.0, 1.0):
+            taken += 1
+            yield shot(angle_deg, "left")
+
+    for number, stop in enumerate(stops_of_shots(shots(), np.radians, each_alone=True)):
+        assert stop.number == number == taken - 1
 
 
 def test_a_shot_without_an_angle_is_an_error() -> None:
