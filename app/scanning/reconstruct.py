@@ -55,6 +55,7 @@ class ReconstructionOptions:
         skips_bad_frames: a stop with an unreadable frame is left out and reported instead of ending the run.
         workers: threads that decode and detect.
         ahead: how many stops may wait for their turn; 0 for a live scan.
+        is_prompt: no profile waits for the next one: its normals come from the one before.
     """
 
     radius_mm: float | None = None
@@ -70,12 +71,13 @@ class ReconstructionOptions:
     skips_bad_frames: bool = False
     workers: int = 2
     ahead: int = 2
+    is_prompt: bool = False
 
 
 class Reconstruction(Generic[T]):
     """One run: iterate over its profiles once, then ask for the report.
 
-    A profile follows its stop by one, because its normals need the neighbour.
+    A profile follows its stop by one, because its normals need the neighbour, unless it is to be prompt.
 
     Args:
         stops: what was taken, from a disk or from hardware.
@@ -138,11 +140,14 @@ class Reconstruction(Generic[T]):
                     )
                 before, here = self._waiting.get(laser, (None, None))
                 part = self._sliced(sighting, laser, stripe, angle)
-                if here is not None:
+                if self._options.is_prompt:
+                    yield self._finished(here, part, None)
+                elif here is not None:
                     yield self._finished(before, here, part)
                 self._waiting[laser] = (here, part)
-        for before, here in self._waiting.values():
-            yield self._finished(before, here, None)
+        if not self._options.is_prompt:
+            for before, here in self._waiting.values():
+                yield self._finished(before, here, None)
         self._waiting.clear()
         self._check_result()
 

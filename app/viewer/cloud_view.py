@@ -34,8 +34,9 @@ from app.vision.stripe import Image
 PictureSource = Callable[[], Image | None]
 """The newest camera picture, blue, green, red or grey; None where there is no newer one."""
 
-_PULSE_S = 0.05
-_CLOUD_PERIOD_S = 0.1
+_PULSE_S = 0.02
+_TURN_PERIOD_S = 0.05
+_CLOUD_PERIOD_S = 0.08
 _PICTURE_PERIOD_S = 0.2
 _CLOSING_S = 10.0
 _PICKING_S = 20.0
@@ -46,7 +47,7 @@ class CloudView:
     """A scene that every viewer sees alike; each looks at it from where he likes.
 
     Every method returns at once and may be called from any thread; what was asked for is drawn in the order
-    of the calls. Points are sent every 0.1 s, the table turns up to 20 times a second.
+    of the calls. Points are sent every 0.08 s, the table turns up to 20 times a second.
 
     Args:
         table_radius_mm: of the turntable.
@@ -68,7 +69,7 @@ class CloudView:
         self._waiting: list[Profile] = []
         self._angles: deque[float] = deque(maxlen=1)
         self._source: PictureSource | None = None
-        self._next_cloud_s = self._next_picture_s = 0.0
+        self._next_turn_s = self._next_cloud_s = self._next_picture_s = 0.0
         self._tabs: dict[int, str] = {}
         self._set_first_eye()
         self._wake, self._closing = threading.Event(), threading.Event()
@@ -350,8 +351,9 @@ class CloudView:
 
     def _work(self) -> None:
         while not self._closing.is_set():
-            has_more = self._inbox or self._waiting or self._cloud.has_leaving or self._source is not None
-            self._wake.wait(_PULSE_S if has_more else None)
+            has_more = self._inbox or self._waiting or self._angles or self._cloud.has_leaving
+            rest_s = None if self._source is None else _PICTURE_PERIOD_S
+            self._wake.wait(_PULSE_S if has_more else rest_s)
             self._wake.clear()
             try:
                 self._pulse()
@@ -368,9 +370,10 @@ class CloudView:
             else:
                 self._push()
                 item()
-        if self._angles:
-            self._stage.turn(self._angles.pop())
         now = time.monotonic()
+        if self._angles and now >= self._next_turn_s:
+            self._next_turn_s = now + _TURN_PERIOD_S
+            self._stage.turn(self._angles.pop())
         if now >= self._next_cloud_s:
             self._next_cloud_s = now + _CLOUD_PERIOD_S
             if self._waiting:

@@ -144,6 +144,38 @@ def test_a_stream_of_shots_gives_what_the_disk_gives(small_scan: SmallScan) -> N
     np.testing.assert_array_equal(live.normals, stored.normals)
 
 
+def test_prompt_profiles_wait_for_no_neighbour(small_scan: SmallScan) -> None:
+    rig, colours = small_scan.plan.scanner.rig, small_scan.recording.lasers
+    lit = [shot for shot in shots_of(small_scan, 5) if shot.lasers_on == ("left",)]
+    taken = 0
+
+    def camera() -> Iterator[Shot]:
+        nonlocal taken
+        for shot in lit:
+            taken += 1
+            yield shot
+
+    def profiles(*, is_prompt: bool) -> Iterator[Profile]:
+        options = ReconstructionOptions(workers=1, ahead=0, is_prompt=is_prompt)
+        return iter(
+            reconstruct_shots(
+                camera(), rig, scan_detector(), {"left": colours["left"]}, small_scan.recording.turn_rad,
+                options, each_alone=True,
+            )
+        )  # fmt: skip
+
+    at_leisure = list(profiles(is_prompt=False))
+    taken = 0
+    prompt = []
+    for profile in profiles(is_prompt=True):
+        prompt.append(profile)
+        assert taken <= len(prompt) + 1
+    assert len(prompt) == len(at_leisure) == len(lit)
+    for one, other in zip(prompt, at_leisure, strict=True):
+        np.testing.assert_array_equal(one.cloud.points, other.cloud.points)
+    assert np.any(prompt[1].cloud.normals != 0.0)
+
+
 def test_a_live_scan_gives_profiles_while_it_runs(small_scan: SmallScan) -> None:
     taken = 0
 
@@ -260,7 +292,7 @@ def test_only_the_part_of_the_picture_that_was_drawn_gives_points(small_scan: Sm
     run = reconstruct_recording(small_scan.recording, rig, scan_detector(), options)
     rows = [
         rig.camera.project(
-            rig.axis.table_from_camera(each.angle_rad).inverse() @ np.float64(each.cloud.points)
+            rig.axis.table_from_camera(each.angle_rad).inverse() @ each.cloud.points.astype(np.float64)
         )
         for each in run
         if len(each.cloud)
