@@ -31,7 +31,7 @@ def judge_step(facts: TurntableFacts) -> Finding:
     return Finding(
         "board.step", State.ATTENTION, f"{sentence}, which is coarse.",
         f"Scan with --steps {steps} or a divisor of it, or load a firmware that takes fractions of degrees.",
-        numbers,
+        numbers, values={"steps": steps},
     )  # fmt: skip
 
 
@@ -43,11 +43,12 @@ def judge_speed(facts: TurntableFacts) -> Finding:
         "can_stop": int(facts.can_stop),
     }
     if not facts.can_turn_steadily:
-        sentence = "It cannot turn at a given speed: scans are taken step by step."
+        kind, sentence = "steps", "It cannot turn at a given speed: scans are taken step by step."
     elif math.isfinite(facts.fastest_deg_s):
+        kind = "limited"
         sentence = (
             f"It turns at up to {facts.fastest_deg_s:.3g} degrees a second, steadily where it is asked to."
         )
     else:
-        sentence = "It turns steadily where it is asked to."
-    return Finding("board.speed", State.OK, sentence, "", numbers)
+        kind, sentence = "steady", "It turns steadily where it is asked to."
+    return Finding("board.speed", State.OK, sentence, "", numbers, kind)

@@ -93,7 +93,7 @@ def judge_latency(latency: Latency, period_s: float, written_s: float) -> Findin
         return Finding(
             "camera.latency", State.ATTENTION,
             f"{sentence}, and the camera does not tell when it exposed; the bench file says "
-            f"{1e3 * written_s:.0f} ms.", write, numbers,
+            f"{1e3 * written_s:.0f} ms.", write, numbers, "untold", {"written_ms": round(1e3 * written_s)},
         )  # fmt: skip
     if is_long and is_timed:
         return Finding(
@@ -101,6 +101,7 @@ def judge_latency(latency: Latency, period_s: float, written_s: float) -> Findin
             f"{sentence}: a long latency. Pictures are right, for the camera tells their times, but every "
             "stop of a scan takes so much longer.",
             "A cable instead of a network, a smaller picture or the format MJPG make it shorter.", numbers,
+            "long",
         )  # fmt: skip
     return Finding("camera.latency", State.OK, f"{sentence}.", "", numbers)
 
@@ -110,6 +111,7 @@ def judge_stamps(latency: Latency) -> Finding:
         return Finding(
             "camera.timestamps", State.OK,
             "The camera does not tell when it exposed; its latency stands in for that.", "", {"told": 0},
+            "untold",
         )  # fmt: skip
     late_s, slack_s = latency.late_stamps_s.middle, latency.late_stamps_s.half_width
     numbers = {"told": 1, "late_ms": round(1e3 * late_s, 1), "uncertainty_ms": round(1e3 * slack_s, 1)}
@@ -122,7 +124,7 @@ def judge_stamps(latency: Latency) -> Finding:
         "camera.timestamps", State.ATTENTION,
         f"The camera's time stamps are {1e3 * abs(late_s):.0f} ms too {way}.",
         "Scan step by step with a settle_s longer than that; continuous scans would be turned by as much.",
-        numbers,
+        numbers, way, {"off_ms": round(1e3 * abs(late_s))},
     )  # fmt: skip
 
 

@@ -86,13 +86,13 @@ def _measured(exam: Examination, check: Check) -> Sequence[Finding]:
         return (
             Finding(
                 check.name, State.SKIPPED, f"Not looked at, for the {missing} is not connected.",
-                "Connect it and run the checkup again.",
+                "Connect it and run the checkup again.", kind="missing", values={"device": missing},
             ),
         )  # fmt: skip
     try:
         return check.measure(exam)
     except DeviceError as error:
-        return (Finding(check.name, State.BAD, f"{error.message}.", error.hint),)
+        return (Finding(check.name, State.BAD, f"{error.message}.", error.hint, kind="failed"),)
 
 
 def _missing(exam: Examination, check: Check) -> str:

@@ -27,6 +27,8 @@ class Finding:
         sentence: what was measured.
         advice: what to do about it; empty where nothing is to be done.
         numbers: as measured; names carry their units.
+        kind: which of the things that can be said of this check in this state; empty where there is but one.
+        values: what else the sentence and the advice name.
     """
 
     check: str
@@ -34,6 +36,15 @@ class Finding:
     sentence: str
     advice: str = ""
     numbers: Mapping[str, float | int | str | None] = field(default_factory=dict)
+    kind: str = ""
+    values: Mapping[str, float | int | str] = field(default_factory=dict)
+
+    @property
+    def code(self) -> str:
+        """Names the sentence, whatever its values, so that a page can say it in another language."""
+        group, _, thing = self.check.partition(".")
+        said_of = f"{group}.{thing.partition('.')[0]}" if thing else "checkup"
+        return f"{said_of}.{self.kind or self.state.value}"
 
     @property
     def is_trouble(self) -> bool:
@@ -74,6 +85,8 @@ class Report:
                     "sentence": finding.sentence,
                     "advice": finding.advice,
                     "numbers": dict(finding.numbers),
+                    "code": finding.code,
+                    "values": dict(finding.values),
                 }
                 for finding in self.findings
             ],

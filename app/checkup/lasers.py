@@ -29,13 +29,16 @@ def measure_lasers(exam: Examination) -> tuple[Finding, ...]:
         return (
             Finding(
                 "lasers.none", State.SKIPPED, "The bench file names no laser.",
-                "Add a [[lasers]] table with name, channel and colour for each.",
+                "Add a [[lasers]] table with name, channel and colour for each.", kind="unnamed",
             ),
         )  # fmt: skip
     if not exam.switches_lasers:
         return (
-            Finding("lasers.none", State.SKIPPED, "No board switches the lasers: they were not measured."),
-        )
+            Finding(
+                "lasers.none", State.SKIPPED, "No board switches the lasers: they were not measured.",
+                kind="unswitched",
+            ),
+        )  # fmt: skip
     channels = exam.bench.turntable.facts.laser_channels
     findings = [
         _no_output(entry, channels) for entry in exam.bench.lasers.values() if entry.channel not in channels
@@ -56,16 +59,17 @@ def judge_light(look: LaserLook) -> Finding:
     # Another laser that cannot be put out flickers by its speckle; this one's own stripe goes or stays.
     goes_out = brings_light(look.lit, look.after, look.entry)
     if brings_light(look.after, look.dark, look.entry) and not goes_out:
-        return _stays_on(look.entry, "stays on after it was switched off")
+        return _stays_on(look.entry, "stays-on", "stays on after it was switched off")
     if look.is_lit:
         return Finding(f"lasers.light.{name}", State.OK, f"Laser {name} lights and goes out.", "", numbers)
     if len(stripe_of(look.dark, None, look.entry)) >= _ALWAYS_ON_SHARE * len(look.dark):
-        return _stays_on(look.entry, "seems to be on all the time: switching it changes nothing")
+        return _stays_on(look.entry, "always-on", "seems to be on all the time: switching it changes nothing")
     return Finding(
         f"lasers.light.{name}", State.BAD,
         f"Laser {name} does not light, or its light falls on nothing that the camera sees.",
         f"Check its plug and its channel ({look.entry.channel}) in the bench file, and turn it to the "
-        "table's middle; in bright light make the room darker.", numbers,
+        "table's middle; in bright light make the room darker.", numbers, "dark",
+        {"channel": look.entry.channel},
     )  # fmt: skip
 
 
@@ -81,11 +85,11 @@ def judge_place(look: LaserLook) -> Finding:
     }  # fmt: skip
     sentence = f"The stripe of laser {name} falls on columns {low:.0f} to {high:.0f} of {width}"
     if in_middle > 0.5:
-        return Finding(f"lasers.place.{name}", State.OK, f"{sentence}.", "", numbers)
+        return Finding(f"lasers.place.{name}", State.OK, f"{sentence}.", "", numbers, values={"width": width})
     return Finding(
         f"lasers.place.{name}", State.ATTENTION, f"{sentence}, beside the middle of the picture.",
         "Turn the laser so that its stripe runs through the table's middle, and the camera so that this is "
-        "in the middle of the picture.", numbers,
+        "in the middle of the picture.", numbers, values={"width": width},
     )  # fmt: skip
 
 
@@ -98,12 +102,15 @@ def judge_colour(look: LaserLook) -> tuple[Finding, ...]:
     seen = _COLOURS[int(np.argmax(gains))]
     numbers = {f"{colour}_gain": round(float(gain), 1) for colour, gain in zip(_COLOURS, gains, strict=True)}
     if seen == said or gains.max() < _CLEARLY * gains[_COLOURS.index(said)]:
-        return (Finding(f"lasers.colour.{name}", State.OK, f"Laser {name} is {said}.", "", numbers),)
+        sentence = f"Laser {name} is {said}."
+        values = {"said": said}
+        return (Finding(f"lasers.colour.{name}", State.OK, sentence, "", numbers, values=values),)
     return (
         Finding(
             f"lasers.colour.{name}", State.ATTENTION,
             f"Laser {name} looks {seen}; the bench file says {said}.",
             f'Write colour = "{seen}" for it, or "any" where the camera shows colours wrongly.', numbers,
+            values={"seen": seen, "said": said},
         ),
     )  # fmt: skip
 
@@ -142,7 +149,7 @@ def _by_names(lit: Sequence[LaserLook]) -> Finding | None:
         names = [look.entry.name for look in ((one, other) if apart > 0.0 else (other, one))]
         return Finding(
             "lasers.which", State.OK, f"Laser {names[0]} stands left, laser {names[1]} right.", "",
-            {"apart_px": round(abs(apart), 1)},
+            {"apart_px": round(abs(apart), 1)}, "sides", {"left": names[0], "right": names[1]},
         )  # fmt: skip
     if left is None or right is None:
         return None
@@ -155,7 +162,8 @@ def _by_names(lit: Sequence[LaserLook]) -> Finding | None:
     numbers = {"left_is_left_by_px": round(apart, 1)}
     if apart > 0.0:
         sentence = f"Laser {left.entry.name} stands left, laser {right.entry.name} right."
-        return Finding("lasers.which", State.OK, sentence, "", numbers)
+        sides = {"left": left.entry.name, "right": right.entry.name}
+        return Finding("lasers.which", State.OK, sentence, "", numbers, "sides", sides)
     return _swapped(
         left.entry, right.entry, f"The light of laser {left.entry.name} lies right of that of laser "
         f"{right.entry.name}: the lasers are swapped, or the pictures mirrored.", numbers,
@@ -180,8 +188,9 @@ def _by_planes(lit: Sequence[LaserLook], rig: Rig) -> Finding | None:
     wrong = {name: fits for name, fits in best.items() if fits != name}
     if not wrong:
         return Finding(
-            "lasers.which", State.OK, "Every laser lies in the plane that its calibration says.", "", numbers
-        )
+            "lasers.which", State.OK, "Every laser lies in the plane that its calibration says.", "", numbers,
+            "planes",
+        )  # fmt: skip
     name, fits = next(iter(wrong.items()))
     entries = {look.entry.name: look.entry for look in known}
     if wrong.get(fits) == name:
@@ -191,7 +200,8 @@ def _by_planes(lit: Sequence[LaserLook], rig: Rig) -> Finding | None:
         return _swapped(entries[name], entries[fits], sentence, numbers)
     return Finding(
         "lasers.which", State.BAD, f"Laser {name} lights the calibrated plane of laser {fits}.",
-        "Check the channels in the bench file, or calibrate again.", numbers,
+        "Check the channels in the bench file, or calibrate again.", numbers, "other-plane",
+        {"laser": name, "other": fits},
     )  # fmt: skip
 
 
@@ -227,15 +237,16 @@ def _swapped(left: LaserEntry, right: LaserEntry, sentence: str, numbers: dict[s
     return Finding(
         "lasers.which", State.BAD, sentence,
         f"Exchange their channels in the bench file: {left.name} gets channel = {right.channel}, "
-        f"{right.name} channel = {left.channel}; or exchange the plugs.", numbers,
+        f"{right.name} channel = {left.channel}; or exchange the plugs.", numbers, "swapped",
+        {"left": left.name, "right": right.name, "channel": right.channel, "other_channel": left.channel},
     )  # fmt: skip
 
 
-def _stays_on(entry: LaserEntry, what: str) -> Finding:
+def _stays_on(entry: LaserEntry, kind: str, what: str) -> Finding:
     return Finding(
         f"lasers.light.{entry.name}", State.BAD, f"Laser {entry.name} {what}.",
         "Unplug it, do not look into it, and check its wiring: it should hang on the board's switched output "
-        f"{entry.channel}, not on the supply.",
+        f"{entry.channel}, not on the supply.", kind=kind, values={"channel": entry.channel},
     )  # fmt: skip
 
 
@@ -245,4 +256,5 @@ def _no_output(entry: LaserEntry, channels: Sequence[int]) -> Finding:
         f"lasers.channel.{entry.name}", State.BAD,
         f"Laser {entry.name} is to hang on channel {entry.channel}, which the board does not have.",
         f"Write one of its channels into the bench file: {has}.", {"channel": entry.channel},
+        values={"has": has},
     )  # fmt: skip

@@ -31,6 +31,7 @@ def measure_machine(exam: Examination) -> tuple[Finding, ...]:
             Finding(
                 "machine.folder", State.BAD, f"Scans cannot be written to {exam.folder}: {problem}.",
                 "Run the command in a folder that is yours, or change its permissions.",
+                values={"folder": str(exam.folder), "problem": problem},
             ),
         )  # fmt: skip
     return (
@@ -95,9 +96,11 @@ def judge_pace(look_s: float, period_s: float) -> Finding:
     sentence = (
         f"Finding the stripe takes {1e3 * look_s:.0f} ms, a picture comes every {1e3 * period_s:.0f} ms"
     )
+    kind = ""
     if look_s > period_s:
+        kind = "slow"
         sentence += ": in a continuous scan only some points are shown live, and all are computed afterwards"
-    return Finding("machine.pace", State.OK, f"{sentence}.", "", numbers)
+    return Finding("machine.pace", State.OK, f"{sentence}.", "", numbers, kind)
 
 
 def _look_s(exam: Examination) -> float:

@@ -71,12 +71,14 @@ def judge_exposure(room: Image) -> Finding:
             "picture.exposure", State.ATTENTION,
             f"{100 * clipped:.0f} % of the picture is white: overexposed.",
             "Write a shorter exposure under [camera.texture] and [camera.board], or dim the room.", numbers,
+            "white", {"percent": round(100 * clipped)},
         )  # fmt: skip
     if bright < _DARK_GREY:
         return Finding(
             "picture.exposure", State.ATTENTION,
             "The picture by the light of the room is dark: underexposed.",
             "Write a longer exposure under [camera.texture] and [camera.board], or light the room.", numbers,
+            "dark",
         )  # fmt: skip
     return Finding(
         "picture.exposure", State.OK, "The picture is neither too dark nor too bright.", "", numbers
@@ -108,12 +110,13 @@ def _judge_targets(exam: Examination) -> tuple[Finding, ...]:
                 "picture.target", State.SKIPPED, f"Neither {names} can be seen." if len(targets) > 1
                 else f"{names.capitalize()} cannot be seen.",
                 "Put it where the camera sees all of it, and check what the bench file says of it.",
+                values={"names": " / ".join(target.name for target in targets)},
             ),
         )  # fmt: skip
     count = sum(map(len, (found[0].find(image).values())))
     return (
         Finding(
             "picture.target", State.OK, f"The {found[0].name} can be seen: {count} corners.", "",
-            {"corners": count},
+            {"corners": count}, values={"name": found[0].name},
         ),
     )  # fmt: skip

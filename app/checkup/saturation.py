@@ -28,10 +28,16 @@ def judge_saturation(look: LaserLook, share: float, advice: str) -> Finding:
     name = look.entry.name
     numbers = {"saturated_share": round(share, 4), "rows": len(look.stripe)}
     sentence = f"of the rows of laser {name}'s stripe are saturated."
+    values = {"percent": round(100 * share, 1)}
     if share <= MOST_CLIPPED:
-        return Finding(f"picture.saturation.{name}", State.OK, f"{100 * share:.1f} % {sentence}", "", numbers)
+        return Finding(
+            f"picture.saturation.{name}", State.OK, f"{100 * share:.1f} % {sentence}", "", numbers,
+            values=values,
+        )  # fmt: skip
     state = State.BAD if share > _SPOILT_SHARE else State.ATTENTION
-    return Finding(f"picture.saturation.{name}", state, f"{100 * share:.0f} % {sentence}", advice, numbers)
+    return Finding(
+        f"picture.saturation.{name}", state, f"{100 * share:.0f} % {sentence}", advice, numbers, values=values
+    )
 
 
 def _advice(exam: Examination, laser: str) -> str:

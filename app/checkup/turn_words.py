@@ -40,7 +40,7 @@ def judge_scale(scale: float, smallest_deg: float) -> Finding:
         f"Asked for 360 degrees, the table turns {turned:.2f}: the steps per turn are wrong.",
         f"Multiply the steps per turn (or per degree) in the bench file by {1.0 / scale:.5f}, "
         f"for example 3200 becomes {3200.0 / scale:.0f}; or set the driver's micro-steps accordingly.",
-        numbers,
+        numbers, values={"example": round(3200.0 / scale)},
     )  # fmt: skip
 
 
@@ -79,7 +79,8 @@ def judge_lost_steps(lost_deg: float, moves: int, smallest_deg: float) -> Findin
 
 
 def no_board_turns_it() -> Finding:
-    return Finding("turntable.turn", State.SKIPPED, "No board turns the table: its turns were not measured.")
+    sentence = "No board turns the table: its turns were not measured."
+    return Finding("turntable.turn", State.SKIPPED, sentence, kind="no-board")
 
 
 def nothing_to_see(description: BenchDescription) -> Finding:
@@ -89,12 +90,13 @@ def nothing_to_see(description: BenchDescription) -> Finding:
             "turntable.turn", State.SKIPPED,
             "Neither the table's markers nor the calibration board are in view: its turns were not measured.",
             "Stand the calibration board on the table facing the camera, or uncover the markers.",
+            kind="hidden",
         )  # fmt: skip
     return Finding(
         "turntable.turn", State.SKIPPED,
         "The bench file names neither markers nor a board to watch.",
         "Print markers with `turnscan platter`, fix them on the table and add a [platter] table to the bench "
-        "file; or stand the calibration board on the table and add [board].",
+        "file; or stand the calibration board on the table and add [board].", kind="nothing",
     )  # fmt: skip
 
 

@@ -52,9 +52,9 @@ class Turn:
 class UnmeasuredError(Exception):
     """The pictures did not tell; caught here, and told as a finding."""
 
-    def __init__(self, sentence: str, advice: str = "") -> None:
+    def __init__(self, kind: str, sentence: str, advice: str = "") -> None:
         super().__init__(sentence)
-        self.sentence, self.advice = sentence, advice or _LOOK_AGAIN
+        self.kind, self.sentence, self.advice = kind, sentence, advice or _LOOK_AGAIN
 
 
 def measure_turntable(exam: Examination) -> tuple[Finding, ...]:
@@ -70,7 +70,7 @@ def measure_turntable(exam: Examination) -> tuple[Finding, ...]:
     try:
         turn = measure_turn(watch)
     except UnmeasuredError as error:
-        return (Finding("turntable.turn", State.BAD, error.sentence, error.advice),)
+        return (Finding("turntable.turn", State.BAD, error.sentence, error.advice, kind=error.kind),)
     smallest_deg = facts.smallest_deg
     return (
         judge_direction(turn.is_ccw, exam.bench.description.turntable.direction == "ccw"),
@@ -94,27 +94,29 @@ def measure_turn(watch: "_Watch") -> Turn:
     after_deg, after = watch.nudge(home_deg + _NUDGE_DEG)
     sway = Sway.between(before, at, after, after_deg - before_deg)
     if not math.isfinite(sway.speed_px):
-        raise UnmeasuredError(f"The {watch.target.name} on the table could not be followed.")
+        raise UnmeasuredError("unseen", f"The {watch.target.name} on the table could not be followed.")
     if sway.speed_px < _STILL_PX * watch.width / 1000.0:
         raise UnmeasuredError(
+            "still",
             "The table does not turn, though the board says that it does.",
             "Check the motor's plug, its power supply and the driver's current, and whether the table slips.",
         )
     rough = turned_deg(watch.target, before, after, watch.camera) / (after_deg - before_deg)
     if not math.isfinite(rough):
         raise UnmeasuredError(
-            f"Too little of the {watch.target.name} is in view to tell how far the table turns."
+            "unseen", f"Too little of the {watch.target.name} is in view to tell how far the table turns."
         )
     reach_deg = _GOOD_TURN_DEG / min(max(abs(rough), 0.1), 50.0)
     far_deg, far = watch.nudge(at_deg + reach_deg)
     better = turned_deg(watch.target, at, far, watch.camera) / (far_deg - at_deg)
     if abs(better) < _LEAST_SCALE or abs(better) > _MOST_SCALE:
         raise UnmeasuredError(
+            "scale",
             f"Asked for {far_deg - at_deg:.0f} degrees, it turns about {better * (far_deg - at_deg):.0f}.",
             "Set the steps per turn in the bench file to what the motor and its gear really need.",
         )
     if not math.isfinite(better):
-        raise UnmeasuredError(f"The {watch.target.name} went out of sight as the table turned.")
+        raise UnmeasuredError("unseen", f"The {watch.target.name} went out of sight as the table turned.")
     tell("one turn")
     closed_deg = _close(watch, sway, at_deg, at_deg + 360.0 / abs(better))
     return Turn(360.0 / (closed_deg - at_deg), better > 0.0, closed_deg, sway)
@@ -193,6 +195,7 @@ def _close(watch: _Watch, sway: Sway, from_deg: float, guess_deg: float) -> floa
         if abs(off_deg) < _CLOSED_DEG:
             return guess_deg
     raise UnmeasuredError(
+        "unclosed",
         f"After about {guess_deg - from_deg:.0f} degrees the {watch.target.name} did not come back to where "
-        "they began."
+        "they began.",
     )

@@ -1,6 +1,7 @@
 /** What is told at the edge of the page, and the one question that may stand open. */
 import { OFFLINE, Refusal } from "./api/client";
 import { t } from "./i18n/index.svelte";
+import { toldProblem } from "./i18n/server.svelte";
 
 export interface Notice {
   id: number;
@@ -9,6 +10,8 @@ export interface Notice {
   hint?: string;
   /** As the server says it, in English. */
   isForeign?: boolean;
+  /** The server's own sentence, in English, where `sentence` is more general. */
+  detail?: string;
   action?: { label: string; run: () => void };
 }
 
@@ -60,10 +63,10 @@ export function tellUndo(sentence: string, undo: () => Promise<unknown>): void {
 }
 
 /** What a refusal or any other error comes to, in words. */
-export function wordsOf(error: unknown): Pick<Notice, "sentence" | "hint" | "isForeign"> {
+export function wordsOf(error: unknown): Pick<Notice, "sentence" | "hint" | "isForeign" | "detail"> {
   if (error instanceof Refusal) {
     if (error.code === OFFLINE) return { sentence: t("shell.offline"), hint: t("shell.offlineHint") };
-    return { sentence: error.sentence, hint: error.hint, isForeign: true };
+    return toldProblem({ code: error.code, message: error.sentence, hint: error.hint });
   }
   return { sentence: t("shell.surprise"), hint: String(error) };
 }

@@ -1,5 +1,6 @@
 /** What is told wherever in the page one is: what the server wants said, and how jobs ended. */
 import { language, t } from "../i18n/index.svelte";
+import { told, toldProblem } from "../i18n/server.svelte";
 import { announce, tell } from "../notices.svelte";
 import { preferences } from "../preferences.svelte";
 import { hasEnded } from "../state";
@@ -15,7 +16,7 @@ export function tellOfEnds(): () => void {
 function listen(): () => void {
   return onNews((news, before) => {
     if (news.type === "notice") {
-      tell({ tone: "warning", sentence: news.text, hint: news.hint, isForeign: true });
+      tell({ tone: "warning", ...told(news.text, news.hint) });
     }
     if (news.type !== "job-changed" || !hasEnded(news.job)) return;
     const known = before.jobs.find((each) => each.id === news.job.id);
@@ -27,7 +28,7 @@ function listen(): () => void {
       announce(sentence);
       notify(sentence);
     } else if (problem) {
-      tell({ tone: "danger", sentence: problem.message, hint: problem.hint, isForeign: true });
+      tell({ tone: "danger", ...toldProblem(problem) });
       notify(t("shell.failed", { title }));
     }
   });

@@ -10,6 +10,10 @@ export interface Finding {
   sentence: string;
   advice: string;
   numbers: Record<string, number | string | null>;
+  /** Names the sentence; absent where an older server said it. */
+  code?: string;
+  /** What else the sentence names. */
+  values?: Record<string, number | string>;
 }
 
 export const GROUPS = ["board", "camera", "machine", "lasers", "picture", "turntable"] as const;

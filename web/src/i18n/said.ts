@@ -1,0 +1,55 @@
+/** Sentences of the server in another language: by their code and values, or by their words. Pure. */
+export interface Sentences {
+  /** By code: the sentence, and what to do. */
+  findings: Record<string, [sentence: string, wayOut: string]>;
+  problems: Record<string, [sentence: string, wayOut: string]>;
+  /** What the server says in words only, `{names}` standing for whatever it puts there. */
+  phrases: [english: string, other: string][];
+}
+
+export type Values = Record<string, unknown>;
+
+/** The first phrase whose words these are; null where there is none. What it leaves open is looked up as well. */
+export function phrased(words: string, phrases: Sentences["phrases"]): string | null {
+  for (const [english, other] of phrases) {
+    const found = patternOf(english).exec(words);
+    if (!found) continue;
+    const values = Object.entries(found.groups ?? {});
+    return filled(
+      other,
+      Object.fromEntries(values.map(([name, value]) => [name, phrased(value, phrases) ?? value])),
+    );
+  }
+  return sentenceBySentence(words, phrases);
+}
+
+function sentenceBySentence(words: string, phrases: Sentences["phrases"]): string | null {
+  const sentences = words.split(/(?<=\.) (?=\p{Lu})/u);
+  if (sentences.length < 2) return null;
+  const said = sentences.map((sentence) => phrased(sentence, phrases));
+  return said.every((each) => each !== null) ? said.join(" ") : null;
+}
+
+/** Names that the values do not have stay open, so that one sees what is missing. */
+export function filled(text: string, values: Values, written: (value: number) => string = String): string {
+  return text.replace(/\{(\w+)\}/g, (whole, name: string) => {
+    const value = values[name];
+    if (value === undefined || value === null) return whole;
+    return typeof value === "number" ? written(value) : String(value);
+  });
+}
+
+const patterns = new Map<string, RegExp>();
+
+function patternOf(english: string): RegExp {
+  let pattern = patterns.get(english);
+  if (!pattern) {
+    const parts = english.split(/(\{\w+\})/).map((part) => {
+      const name = /^\{(\w+)\}$/.exec(part)?.[1];
+      return name ? `(?<${name}>.+?)` : part.replace(/[.*+?^${}()|[\]\\]/g, "\\$&");
+    });
+    pattern = new RegExp(`^${parts.join("")}$`, "s");
+    patterns.set(english, pattern);
+  }
+  return pattern;
+}
