@@ -1,6 +1,10 @@
 /** What is wanted of a scan, from a quality or from every setting by itself. */
-import type { ScanIn } from "../../api/schema.gen";
+import type { LiveOut, ScanIn, TableOut } from "../../api/schema.gen";
 import type { Quality } from "../../preferences.svelte";
+
+export type Colours = "none" | "dark" | "texture";
+/** How the table comes to turn. */
+export type Way = "step" | "continuous" | "hand";
 
 export interface Wishes {
   title: string;
@@ -12,13 +16,31 @@ export interface Wishes {
   turnDeg: number;
   /** Those that are left out. */
   without: readonly string[];
+  together: boolean;
   withDark: boolean;
+  colours: Colours;
+  /** None for the one exposure that the camera has for the laser. */
+  exposuresMs: readonly number[];
+  /** The line is found as it is under Adjust. */
+  asAdjusted: boolean;
+  /** About the axis and above the table; otherwise as the calibration suggests. */
+  hasLimits: boolean;
+  radiusMm: number;
+  aboveMm: number;
+  belowMm: number;
 }
 
-export const qualities: Record<Quality, { steps: number; secondsPerTurn: number }> = {
-  draft: { steps: 60, secondsPerTurn: 15 },
-  normal: { steps: 200, secondsPerTurn: 30 },
-  fine: { steps: 400, secondsPerTurn: 60 },
+interface Pace {
+  steps: number;
+  secondsPerTurn: number;
+  /** Where a person turns the table. */
+  stopsByHand: number;
+}
+
+export const qualities: Record<Quality, Pace> = {
+  draft: { steps: 60, secondsPerTurn: 15, stopsByHand: 12 },
+  normal: { steps: 200, secondsPerTurn: 30, stopsByHand: 24 },
+  fine: { steps: 400, secondsPerTurn: 60, stopsByHand: 36 },
 };
 
 export const usualWishes: Omit<Wishes, "title" | "quality"> = {
@@ -27,11 +49,37 @@ export const usualWishes: Omit<Wishes, "title" | "quality"> = {
   secondsPerTurn: 0,
   turnDeg: 360,
   without: [],
+  together: false,
   withDark: true,
+  colours: "dark",
+  exposuresMs: [],
+  asAdjusted: true,
+  hasLimits: false,
+  radiusMm: 100,
+  aboveMm: 0,
+  belowMm: 200,
 };
 
-export function stepsOf(wishes: Wishes): number {
-  return wishes.steps || qualities[wishes.quality].steps;
+export const MOST_EXPOSURES = 4;
+// Texture is smooth from one of its pictures to the next.
+const TEXTURE_EVERY = 4;
+
+/** What a table can do; before it is known, what most can. */
+export function waysOf(
+  table: Pick<TableOut, "driver" | "turns_by_itself" | "can_turn_steadily"> | null,
+): Way[] {
+  if (!table) return ["step", "continuous"];
+  if (table.driver === "manual") return table.turns_by_itself ? ["continuous"] : ["hand"];
+  return table.can_turn_steadily ? ["step", "continuous"] : ["step"];
+}
+
+export function wayOf(wishes: Wishes, ways: readonly Way[]): Way {
+  return ways.includes(wishes.mode) ? wishes.mode : ways[0]!;
+}
+
+export function stepsOf(wishes: Wishes, way: Way = "step"): number {
+  const { steps, stopsByHand } = qualities[wishes.quality];
+  return wishes.steps || (way === "hand" ? stopsByHand : steps);
 }
 
 export function secondsOf(wishes: Wishes): number {
@@ -44,16 +92,44 @@ export function isUsual(wishes: Wishes): boolean {
   return keys.every((key) => String(wishes[key]) === String(usualWishes[key]));
 }
 
+type Adjusted = Pick<LiveOut, "detector" | "threshold" | "channel" | "polygon">;
+
 /** The order as the server takes it. */
-export function orderOf(wishes: Wishes, lasers: readonly string[]): ScanIn {
+export function orderOf(
+  wishes: Wishes,
+  lasers: readonly string[],
+  way: Way = wishes.mode,
+  adjusted: Adjusted | null = null,
+): ScanIn {
+  const inSteps = way !== "continuous";
+  const used = lasers.filter((laser) => !wishes.without.includes(laser));
   return {
     title: wishes.title.trim() || "Scan",
-    mode: wishes.mode,
-    steps: stepsOf(wishes),
+    mode: inSteps ? "step" : "continuous",
+    steps: stepsOf(wishes, way),
     seconds_per_turn: secondsOf(wishes),
     turn_deg: wishes.turnDeg,
-    lasers: lasers.filter((laser) => !wishes.without.includes(laser)),
+    lasers: used,
+    together: wishes.together && used.length > 1,
     with_dark: wishes.withDark,
+    with_colour: wishes.colours !== "none",
+    texture_every: inSteps && wishes.colours === "texture" ? TEXTURE_EVERY : 0,
+    exposures_us: inSteps ? [...new Set(wishes.exposuresMs)].map((ms) => 1000 * ms) : [],
+    ...(wishes.hasLimits
+      ? { radius_mm: wishes.radiusMm, above_mm: wishes.aboveMm, below_mm: wishes.belowMm }
+      : {}),
+    ...(adjusted?.polygon.length ? { polygon: adjusted.polygon as [number, number][] } : {}),
+    ...(adjusted && wishes.asAdjusted ? findingOf(adjusted) : {}),
+  };
+}
+
+function findingOf({ detector, threshold, channel }: Adjusted): Partial<ScanIn> {
+  // A scan compares with its own pictures without laser, and looks for each laser in its colour.
+  const own = !channel || channel === "difference";
+  return {
+    detector,
+    threshold: threshold ?? null,
+    channel: own ? null : (channel as ScanIn["channel"]),
   };
 }
 
