@@ -5,7 +5,7 @@ STAMP := $(VENV)/.installed
 OUT ?= out
 CHROMIUM := apt-get install -qq -y chromium < /dev/null > /dev/null 2>&1
 
-.PHONY: run test check kernels pages pages-check pages-test api bench docker-steps clean
+.PHONY: run test check kernels pages pages-check pages-test api bench pictures docker-steps clean
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -64,6 +64,10 @@ docker-steps: $(STAMP)
 
 bench: $(STAMP)
 	$(BIN)/python -m benchmarks
+
+# Those of the page in the README, anew; and every place at both sizes, light and dark, into out/pictures/.
+pictures: $(STAMP) pages
+	$(BIN)/python -m docs.make_pictures --all
 
 clean:
 	rm -rf $(VENV) $(OUT) web/node_modules app/_web .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache

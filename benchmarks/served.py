@@ -11,6 +11,7 @@ from pathlib import Path
 from benchmarks.journeys import wait_until_ready
 
 _BENCH = """
+name = "simulated bench"
 [turntable]
 driver = "simulated"
 [camera]

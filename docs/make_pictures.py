@@ -1,0 +1,177 @@
+"""The pictures of the page in the README and in `docs/`, taken by a browser of a simulated scanner at work.
+
+`python -m docs.make_pictures [FOLDER]`; with `--all` also each place at both sizes, light and dark,
+into `out/pictures/`, to be looked at.
+"""
+
+import argparse
+import io
+import itertools
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+from playwright.sync_api import Browser, Page, expect
+
+from benchmarks.browser import DESK, PHONE, chromium
+from benchmarks.served import served
+
+Pixels: TypeAlias = NDArray[np.int16]
+_PATIENCE_MS = 300_000
+_SEEN: Sequence[str] = ("/scan", "/adjust", "/calibrate", "/library", "/settings", "/setup")
+_SCHEMES: Sequence[Literal["light", "dark"]] = ("light", "dark")
+# Of the animation.
+_FRAME_S, _LAST_S, _LONGEST_S = 0.22, 2.5, 11.5
+_WIDTH = 960
+_WISHES = """localStorage["turnscan.scan"] ??= '{"steps": %d}'"""
+_STOPS, _FEW_STOPS = 90, 60
+# A colour of the cloud: no grey, as nearly all else is.
+_COLOURFUL, _CLOUD_PIXELS = 70, 4000
+# Share of the pixels that may change where nothing moves.
+_MOVING = 0.01
+_REST_S, _PATIENCE_S = 1.0, 300.0
+
+
+def main() -> None:
+    asked = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    asked.add_argument("folder", type=Path, nargs="?", default=Path("docs/pictures"))
+    asked.add_argument("--all", action="store_true", help="each place, too, into out/pictures/")
+    wanted = asked.parse_args()
+    with (
+        tempfile.TemporaryDirectory(prefix="turnscan-pictures-") as kept,
+        served(Path(kept), object="mug", fps=15.0) as address,
+        chromium() as browser,
+    ):
+        _at_the_desk(browser, address, wanted.folder)
+        _on_the_phone(browser, address, wanted.folder)
+        if wanted.all:
+            _everywhere(browser, address, Path("out/pictures"))
+
+
+def _at_the_desk(browser: Browser, address: str, folder: Path) -> None:
+    """A scan from its start to its end, and the page as it then looks."""
+    with _page(browser, viewport=DESK) as page:
+        page.add_init_script(_WISHES % _STOPS)
+        page.goto(f"{address}/scan")
+        page.get_by_role("textbox", name="Name").fill("Mug")
+        _wait_for_view(page)
+        frames = [_shot(page)]
+        page.get_by_role("button", name="Start scan").click()
+        finished = page.get_by_role("heading", name="Scan finished")
+        while not finished.is_visible():
+            frames.append(_shot(page))
+        expect(page.get_by_role("img", name="Mug from three sides")).to_be_visible()
+        expect(page.get_by_role("region", name="Messages").get_by_text("Mug is done.")).to_have_count(0)
+        frames.append(_with_cloud(page))
+        _animate(frames, folder / "scan.webp")
+        for scheme in _SCHEMES:
+            page.emulate_media(color_scheme=scheme)
+            _save(_with_cloud(page), folder / f"desk-{scheme}.png")
+
+
+def _on_the_phone(browser: Browser, address: str, folder: Path) -> None:
+    """Half a scan, which is then cancelled."""
+    with _page(browser, viewport=PHONE, device_scale_factor=2, has_touch=True) as page:
+        page.add_init_script(_WISHES % _FEW_STOPS)
+        page.goto(f"{address}/scan")
+        page.get_by_role("textbox", name="Name").fill("Mug, closer")
+        _wait_for_view(page)
+        page.get_by_role("button", name="Start scan").click()
+        progress = page.get_by_role("progressbar", name="Progress of the scan")
+        while float(progress.get_attribute("aria-valuenow") or 0.0) < 0.6 * float(
+            progress.get_attribute("aria-valuemax") or 1.0
+        ):
+            time.sleep(0.2)
+        for scheme in _SCHEMES:
+            page.emulate_media(color_scheme=scheme)
+            _save(_with_cloud(page), folder / f"phone-{scheme}.png")
+        page.get_by_role("button", name="Cancel scan").click()
+        page.get_by_role("dialog").get_by_role("button", name="Cancel scan").click()
+        expect(page.get_by_role("heading", name="Unfinished scans")).to_be_visible()
+
+
+def _everywhere(browser: Browser, address: str, folder: Path) -> None:
+    for (size, viewport), scheme in itertools.product({"desk": DESK, "phone": PHONE}.items(), _SCHEMES):
+        with _page(browser, viewport=viewport, color_scheme=scheme) as page:
+            for path in _SEEN:
+                page.goto(f"{address}{path}")
+                page.wait_for_load_state("networkidle")
+                _save(_shot(page, full_page=True), folder / f"{path.strip('/')}-{size}-{scheme}.png")
+
+
+@contextmanager
+def _page(browser: Browser, **looks: Any) -> Iterator[Page]:
+    with browser.new_context(locale="en-GB", **looks) as context:
+        page = context.new_page()
+        page.set_default_timeout(_PATIENCE_MS)
+        expect.set_options(timeout=_PATIENCE_MS)
+        yield page
+
+
+def _wait_for_view(page: Page) -> None:
+    """Until the 3D view draws."""
+    page.frame_locator("iframe").locator("canvas").first.wait_for()
+    _shot_when(page, _is_steady)
+
+
+def _with_cloud(page: Page) -> Image.Image:
+    """The page as soon as a cloud is to be seen in it and hardly anything moves any more."""
+
+    def is_there(before: Pixels, now: Pixels) -> bool:
+        cloud = int(np.count_nonzero(np.ptp(now, axis=2) > _COLOURFUL))
+        return cloud > _CLOUD_PIXELS and _is_steady(before, now)
+
+    return _shot_when(page, is_there)
+
+
+def _is_steady(before: Pixels, now: Pixels) -> bool:
+    return bool(np.mean(np.abs(now - before).max(axis=2) > _COLOURFUL) < _MOVING)
+
+
+def _shot_when(page: Page, is_so: Callable[[Pixels, Pixels], bool]) -> Image.Image:
+    """The first picture that is as wanted; judged with the one before it. Raises TimeoutError."""
+    ends_s = time.monotonic() + _PATIENCE_S
+    before = np.asarray(_shot(page), np.int16)
+    while time.monotonic() < ends_s:
+        time.sleep(_REST_S)
+        picture = _shot(page)
+        now = np.asarray(picture, np.int16)
+        if is_so(before, now):
+            return picture
+        before = now
+    raise TimeoutError("the page never looked as it should")
+
+
+def _shot(page: Page, full_page: bool = False) -> Image.Image:
+    png = page.screenshot(timeout=_PATIENCE_MS, full_page=full_page)
+    return Image.open(io.BytesIO(png)).convert("RGB")
+
+
+def _animate(frames: Sequence[Image.Image], path: Path) -> None:
+    """As many as fit into its time, evenly spread; the last stays longer."""
+    most = int((_LONGEST_S - _LAST_S) / _FRAME_S)
+    chosen = [frames[round(at)] for at in np.linspace(0, len(frames) - 1, min(most, len(frames)))]
+    height = round(_WIDTH * DESK["height"] / DESK["width"])
+    small = [frame.resize((_WIDTH, height), Image.Resampling.LANCZOS) for frame in chosen]
+    times_ms = [round(1e3 * _FRAME_S)] * (len(small) - 1) + [round(1e3 * _LAST_S)]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    small[0].save(
+        path, save_all=True, append_images=small[1:], duration=times_ms, loop=0, quality=72, method=6
+    )
+    print(f"{path}: {len(small)} of {len(frames)} pictures, {path.stat().st_size / 1e6:.2f} MB")
+
+
+def _save(picture: Image.Image, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    picture.save(path, optimize=True)
+    print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()
