@@ -23,6 +23,7 @@ _COMMANDS = {
     "password": "app.cli.password:password_app",
     "serve": "app.cli.serve:serve_command",
     "reconstruct": "app.cli.reconstruct:reconstruct_command",
+    "batch": "app.cli.batch:batch_command",
     "surface": "app.cli.surface:surface_command",
     "library": "app.cli.library:library_app",
     "measure": "app.cli.measure:measure_command",

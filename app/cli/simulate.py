@@ -40,6 +40,9 @@ def simulate_command(
         str, typer.Option("--object", help=f"{', '.join(object_names())}, or a mesh file (STL, OBJ, PLY).")
     ] = "mug",
     size: Annotated[float | None, typer.Option(help="Largest side of the object, mm.")] = None,
+    tilt: Annotated[
+        float, typer.Option(help="Tip it over by so many degrees: 90 for lying, 180 for upside down.")
+    ] = 0.0,
     rig: Annotated[Path | None, typer.Option(help="A calibration file: simulate that scanner.")] = None,
     width: Annotated[int, typer.Option(help="Columns of the picture.")] = 1280,
     height: Annotated[int, typer.Option(help="Rows of the picture.")] = 720,
@@ -78,6 +81,7 @@ def simulate_command(
     plan = SimulationPlan(
         scanner=scanner,
         item=make_object(item, size),
+        tilt_deg=tilt,
         board=board_from(board) if board else None,
         platter=platter_from(platter) if platter else None,
         parts=_PARTS[parts],

@@ -1,4 +1,4 @@
-"""`turnscan surface`: a cloud in, a thing out that can be printed, kept or measured."""
+"""`turnscan surface`: clouds in, a thing out that can be printed, kept or measured."""
 
 import json
 from pathlib import Path
@@ -7,22 +7,25 @@ from typing import Annotated, Any
 import typer
 
 from app.cli.console import check_output, progress_bar, say, warn
+from app.cli.surface_join import check_pairs, in_one_frame, join_clouds, joined_lines, read_clouds
 from app.cli.surface_lines import finish_lines
 from app.errors import OptionError
 from app.surface.exports.units import Unit
 from app.surface.exports.write import CLOUD_SUFFIXES, MESH_SUFFIXES, write_cloud, write_mesh
 from app.surface.finish import Finish, Preset, finish, preset_mesh
+from app.surface.joining.join import Joined
 from app.surface.meshing.options import MeshOptions
-from app.surface.ply_reader import ply_points
 from app.surface.step import STEPS, StepDocument, parse_step
-from app.surface.thinning import MOST_POINTS, read_thinned
 
 _DOUBTFUL = 1
 _PARTS = 1000
 
 
 def surface_command(
-    cloud: Annotated[Path, typer.Argument(help="A PLY file with points, of this program or another.")],
+    clouds: Annotated[
+        list[Path],
+        typer.Argument(help="PLY files with points, of this program or another; several are joined first."),
+    ],
     output: Annotated[
         list[Path],
         typer.Option("-o", "--output", help=f"The mesh: {', '.join(MESH_SUFFIXES)}. May be given again."),
@@ -53,10 +56,31 @@ def surface_command(
     clean: Annotated[
         Path | None, typer.Option(help=f"Write the cleaned cloud, too: {', '.join(CLOUD_SUFFIXES)}.")
     ] = None,
+    joined: Annotated[
+        Path | None,
+        typer.Option(help=f"Write what several clouds were joined to, too: {', '.join(CLOUD_SUFFIXES)}."),
+    ] = None,
+    pair: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="A place in the second cloud and the same in the first: 2:X,Y,Z=X,Y,Z. Three or more of a "
+            "cloud say how it lies."
+        ),
+    ] = None,
+    no_join: Annotated[
+        bool, typer.Option("--no-join", help="Several clouds lie in one frame already.")
+    ] = False,
 ) -> int:
-    """Turn a point cloud into a mesh."""
+    """Turn a point cloud, or several of one thing, into a mesh."""
     _check(output, MESH_SUFFIXES, "mesh")
-    _check([clean] if clean is not None else [], CLOUD_SUFFIXES, "cloud")
+    _check([path for path in (clean, joined) if path is not None], CLOUD_SUFFIXES, "cloud")
+    is_joined = len(clouds) > 1 and not no_join
+    if (joined is not None or pair) and not is_joined:
+        raise OptionError(
+            "--joined and --pair are for several clouds that are joined.",
+            "Name two clouds, without --no-join.",
+        )
+    check_pairs(pair or [], len(clouds))
     if step and no_steps:
         raise OptionError("--step and --no-steps contradict each other.")
     changed: dict[str, Any] = {}
@@ -73,18 +97,24 @@ def surface_command(
         mesh=_mesh_options(preset, changed),
         steps=() if no_steps else tuple(map(_step, step)) if step else None,
     )
-    points = ply_points(cloud)
-    if points > MOST_POINTS:
-        warn(
-            [f"{cloud} has {points:,} points, and {MOST_POINTS:,} at most are used: an even choice of them."]
-        )
+    whole: Joined | None = None
     with progress_bar() as show:
-        read = read_thinned(cloud)
-
-        def progress(words: str, share: float) -> None:
-            show("Making the surface", round(_PARTS * share), _PARTS, words)
-
-        done = finish([read.cloud], order, progress)
+        read = read_clouds(clouds)
+        if is_joined:
+            whole = join_clouds(
+                read, pair or [], lambda words, share: show("Joining", round(_PARTS * share), _PARTS, words)
+            )
+        done = finish(
+            in_one_frame(read) if whole is None else [whole.cloud],
+            order,
+            lambda words, share: show("Making the surface", round(_PARTS * share), _PARTS, words),
+        )
+    if whole is not None:
+        say(joined_lines(clouds, whole))
+        warn(whole.notes)
+        warn(whole.doubts, is_doubt=True)
+        if joined is not None:
+            write_cloud(joined, whole.cloud)
     assert done.mesh is not None
     for path in output:
         write_mesh(path, done.mesh, unit)
@@ -98,9 +128,10 @@ def surface_command(
     if printing is not None:
         bad = [f"{finding.sentence} {finding.advice}" for finding in printing.findings if finding.advice]
         warn(bad, is_doubt=not printing.is_printable)
-    written = [*map(str, output), *([] if clean is None else [str(clean)])]
+    written = [str(path) for path in (*output, clean, joined) if path is not None]
     say([f"Written          {', '.join(written)}"])
-    return _DOUBTFUL if report.doubts or (printing is not None and not printing.is_printable) else 0
+    doubts = (*report.doubts, *(() if whole is None else whole.doubts))
+    return _DOUBTFUL if doubts or (printing is not None and not printing.is_printable) else 0
 
 
 def _check(paths: list[Path], known: tuple[str, ...], what: str) -> None:

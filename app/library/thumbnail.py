@@ -16,8 +16,6 @@ def paint_thumbnail(path: Path, painter: PreviewPainter) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    panels = painter.image()
-    side = panels.shape[1] // len(VIEWS)
-    front = np.ascontiguousarray(panels[:side, :side])
+    front = painter.panel(VIEWS[0])
     small = cv2.resize(front, (SIDE_PX, SIDE_PX), interpolation=cv2.INTER_AREA)
     write_picture(path, small.astype(np.uint8))

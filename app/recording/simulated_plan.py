@@ -74,6 +74,7 @@ class SimulationPlan:
         scanner: the true rig.
         item: what is scanned.
         at_mm: (x, y) where its middle stands on the table, beside the axis; None for a little off it.
+        tilt_deg: how far it is tipped over: 90 for lying, 180 for upside down. It rests on its lowest point.
         board: for the calibration; None for one that fits the rig.
         platter: markers on the table.
         parts: calibration frames, scan frames, or both.
@@ -97,6 +98,7 @@ class SimulationPlan:
     scanner: SimulatedRig = field(default_factory=standard_rig)
     item: SimulatedObject = field(default_factory=sphere)
     at_mm: tuple[float, float] | None = None
+    tilt_deg: float = 0.0
     board: BoardSpec | None = None
     platter: PlatterSpec | None = None
     parts: tuple[Literal["calibration", "scan"], ...] = ("calibration", "scan")
@@ -122,6 +124,8 @@ class SimulationPlan:
                 raise OptionError(f"There is no laser called {name!r}.", f"Choose from: {', '.join(known)}.")
         if self.steps < 1 or self.texture_every < 0 or self.background_steps < 0 or self.seed < 0:
             raise OptionError("Steps and the seed of a simulation must not be negative.")
+        if not np.isfinite(self.tilt_deg):
+            raise OptionError("An object must be tipped over by some degrees.")
         if not (np.isfinite(self.seconds_per_turn) and self.seconds_per_turn >= 0.0):
             raise OptionError("The table's time for a turn must be zero or more seconds.")
         if self.seconds_per_turn > 0.0 and len(self.scanning_lasers) != 1:
@@ -158,7 +162,13 @@ class SimulationPlan:
         """Where the object stands at table angle 0."""
         radius = self.scanner.table_radius_mm
         x, y = (0.07 * radius, -0.04 * radius) if self.at_mm is None else self.at_mm
-        return RigidTransform(rotation_about(Z_UP, 0.4), np.array([x, y, 0.0]))
+        place, turned = np.array([x, y, 0.0]), rotation_about(Z_UP, 0.4)
+        if not self.tilt_deg:
+            return RigidTransform(turned, place)
+        tipped = turned @ rotation_about(np.array([1.0, 0.0, 0.0]), np.radians(self.tilt_deg))
+        corners = self.item.mesh.vertices @ tipped.T
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        return RigidTransform(tipped, place - [*(low + high)[:2] / 2.0, low[2]])
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Random numbers of their own for every purpose, so that one option does not change another's."""

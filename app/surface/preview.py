@@ -63,9 +63,16 @@ class PreviewPainter:
         if not len(cloud):
             return _with_footer(np.hstack([_blank()] * len(VIEWS)), "no points", np.zeros(3))
         centre, extent = _bounds(cloud.points)
-        mm_per_px = float(max(extent.max(), 1e-3)) / (_FILLED * _PANEL_PX)
-        panels = [_panel(cloud, view, centre, mm_per_px) for view in VIEWS]
+        panels = [_panel(cloud, view, centre, _scale(extent)) for view in VIEWS]
         return _with_footer(np.hstack(panels), f"{self._points:,} points".replace(",", " "), extent)
+
+    def panel(self, view: View) -> Canvas:
+        """One of the panels alone, square."""
+        cloud = PointCloud.joined(self._kept)
+        if not len(cloud):
+            return _blank()
+        centre, extent = _bounds(cloud.points)
+        return _panel(cloud, view, centre, _scale(extent))
 
     def write(self, path: Path) -> None:
         """The picture as PNG.
@@ -92,6 +99,11 @@ def _bounds(points: NDArray[np.float32]) -> tuple[Vector3, Vector3]:
     """Middle and size of the box that holds all but a few stray points."""
     low, high = np.quantile(points, [_OUTLIERS, 1.0 - _OUTLIERS], axis=0).astype(np.float64)
     return (low + high) / 2.0, high - low
+
+
+def _scale(extent: Vector3) -> float:
+    """Millimetres to a pixel of a panel."""
+    return float(max(extent.max(), 1e-3)) / (_FILLED * _PANEL_PX)
 
 
 def _panel(cloud: PointCloud, view: View, centre: Vector3, mm_per_px: float) -> Canvas:
