@@ -11,7 +11,7 @@ export interface Preferences {
   quality: Quality;
   /** Tell when a long job has ended, where the browser may. */
   notify: boolean;
-  /** A tone when a long job has ended. */
+  /** A tone when a long job has ended or a view of the board was taken. */
   sounds: boolean;
 }
 
@@ -47,6 +47,19 @@ export const preferences = {
     return chosen.theme === "auto" ? systemIsDark : chosen.theme === "dark";
   },
 };
+
+/** Whether a browser can tell something beside the page, and was not asked yet; over http in a network it cannot. */
+export function mayAskForNotices(): boolean {
+  return "Notification" in window && window.isSecureContext && Notification.permission === "default";
+}
+
+/** Asks the person, where that is still open; in the handler of a press. Keeps what comes of it. */
+export async function allowNotices(): Promise<boolean> {
+  const can = "Notification" in window && window.isSecureContext;
+  const notify = can && (await Notification.requestPermission()) === "granted";
+  prefer({ notify });
+  return notify;
+}
 
 export function prefer(changes: Partial<Preferences>): void {
   chosen = { ...chosen, ...changes };

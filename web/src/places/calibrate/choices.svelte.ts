@@ -11,7 +11,6 @@ interface Choices {
   rulerMm: number;
   /** In place of the bench's own. */
   board: Board | null;
-  sound: boolean;
   vibration: boolean;
   /** On the simulated bench: all goes by itself. */
   byItself: boolean;
@@ -22,7 +21,6 @@ const usual: Choices = {
   paper: "a4",
   rulerMm: 100,
   board: null,
-  sound: true,
   vibration: true,
   byItself: true,
 };
