@@ -13,16 +13,21 @@ from app.surface.joining.oriented_pairs import guesses
 from app.surface.joining.refine import Partners, Searched, refine
 from app.surface.joining.sample import Sample
 
-_COARSE_POINTS, _FINE_POINTS = 1_500, 8_000
-_GUESSES, _PROMISING, _DISTINCT, _FINALISTS = 40_000, 2_000, 200, 8
+_COARSE_POINTS, _FINE_POINTS = 1_500, 6_000
+_ROUNDS, _GUESSES, _PROMISING, _DISTINCT, _FINALISTS = 3, 10_000, 1_000, 150, 6
 _QUICK_POINTS, _THOROUGH_POINTS = 60, 400
 _SETTLING = 15
+# Of a thinned surface of small curves, and of good scans; wrong fits are several times as far apart.
+_TOLERANCE = 0.05
+MOST_CARVED = 0.02
+CONVINCING = 0.3
+"""Of two things that are not the same, the score is below zero; of halves that share nothing, up to 0.15."""
 # What is so much worse than the best at first sight is not looked at again.
 _HOPELESS = 0.6
 _AT_ONCE = 1_000_000
 _SAME_TURN_DEG, _SAME_SHIFT = 8.0, 3.0
 # Points in seen-through space count so many times as much as points on the surface.
-_CARVED_COUNTS = 2.0
+_CARVED_COUNTS = 4.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -42,6 +47,10 @@ class Candidate:
     residual_mm: float
     carved: float
     score: float
+
+    @property
+    def convinces(self) -> bool:
+        return self.score > CONVINCING and self.carved < MOST_CARVED
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -65,42 +74,67 @@ class Scales:
 
 
 def candidates(fixed: Scales, moving: Scales, seed: int = 0) -> list[Candidate]:
-    """The most likely ways, best first; few, distinct, and refined."""
+    """The most likely ways, best first; few, distinct, and refined. Looks longer where none convinces."""
     rng = np.random.default_rng(seed)
-    extent = min(fixed.extent_mm, moving.extent_mm)
-    cell = max(fixed.coarse_cell_mm, moving.coarse_cell_mm)
+    found: list[Candidate] = []
+    for _ in range(_ROUNDS):
+        found = _distinct_candidates(found + _round(fixed, moving, rng), fixed, moving)
+        if found and found[0].convinces:
+            break
+    return found
+
+
+def _round(fixed: Scales, moving: Scales, rng: np.random.Generator) -> list[Candidate]:
+    """Guesses, the best of them settled, and the best of those refined and judged."""
+    extent, cell = min(fixed.extent_mm, moving.extent_mm), _cell(fixed, moving)
     rotations, translations = guesses(fixed.coarse, moving.coarse, extent, _GUESSES, rng)
     if not len(rotations):
         return []
-    for count, points in ((_PROMISING, _QUICK_POINTS), (_DISTINCT, _THOROUGH_POINTS)):
-        part = moving.coarse.select(rng.permutation(len(moving.coarse))[:points])
-        score = _scores(fixed.field, part, rotations, translations, 1.5 * cell)
-        keep = np.argsort(-score, kind="stable")[:count]
-        if count == _DISTINCT:
-            middle = moving.coarse.points.mean(axis=0)
-            best = np.argsort(-score, kind="stable")
-            keep = _distinct(rotations, translations, middle, best, _SAME_SHIFT * cell, count)
-        rotations, translations = rotations[keep], translations[keep]
+    quick, part = (
+        moving.coarse.select(rng.permutation(len(moving.coarse))[:count])
+        for count in (_QUICK_POINTS, _THOROUGH_POINTS)
+    )
+    middle = moving.coarse.points.mean(axis=0)
+    score = _scores(fixed.field, quick, rotations, translations, 1.5 * cell)
+    keep = np.argsort(-score, kind="stable")[:_PROMISING]
+    rotations, translations = rotations[keep], translations[keep]
+    score = _scores(fixed.field, part, rotations, translations, 1.5 * cell)
+    order = np.argsort(-score, kind="stable")
+    keep = _distinct(rotations, translations, middle, order, _SAME_SHIFT * cell, _DISTINCT)
+    rotations, translations = rotations[keep], translations[keep]
     for reach in (3.0 * cell, 1.5 * cell):
         rotations, translations = _settled(fixed.field, part, rotations, translations, reach)
     score = _scores(fixed.field, part, rotations, translations, 0.7 * cell)
     order = np.argsort(-score, kind="stable")
     keep = _distinct(rotations, translations, middle, order, _SAME_SHIFT * cell, _FINALISTS)
-    finalists: list[Candidate] = []
-    for number in keep[score[keep] > _HOPELESS * score[keep[0]]]:
-        pose = RigidTransform(rotations[number], translations[number])
-        poses = [RigidTransform.identity(), pose]
-        for reach_mm, iterations in ((cell, 10), (0.4 * cell, 10)):
-            poses = refine([fixed.fine, moving.fine], poses, [(0, 1)], reach_mm, iterations)
-        finalists.append(judged(fixed, moving, poses[1]))
-    finalists.sort(key=lambda each: -each.score)
-    rotations = np.stack([each.pose.rotation for each in finalists])
-    translations = np.stack([each.pose.translation for each in finalists])
-    # Refining brings some of them to the same place.
-    keep = _distinct(
-        rotations, translations, middle, np.arange(len(finalists)), _SAME_SHIFT * cell, _FINALISTS
-    )
-    return [finalists[number] for number in keep]
+    keep = keep[score[keep] > _HOPELESS * score[keep[0]]]
+    return [_refined(fixed, moving, RigidTransform(rotations[n], translations[n])) for n in keep]
+
+
+def _refined(fixed: Scales, moving: Scales, pose: RigidTransform) -> Candidate:
+    poses = [RigidTransform.identity(), pose]
+    cell = _cell(fixed, moving)
+    for reach_mm, iterations in ((cell, 8), (0.4 * cell, 8)):
+        poses = refine([fixed.fine, moving.fine], poses, [(0, 1)], reach_mm, iterations)
+    return judged(fixed, moving, poses[1])
+
+
+def _distinct_candidates(found: list[Candidate], fixed: Scales, moving: Scales) -> list[Candidate]:
+    """Best first; refining brings some to the same place."""
+    if not found:
+        return []
+    found = sorted(found, key=lambda each: -each.score)
+    rotations = np.stack([each.pose.rotation for each in found])
+    translations = np.stack([each.pose.translation for each in found])
+    middle = moving.coarse.points.mean(axis=0)
+    shift_mm = _SAME_SHIFT * _cell(fixed, moving)
+    order = np.arange(len(found))
+    keep = _distinct(rotations, translations, middle, order, shift_mm, _FINALISTS)
+    return [found[number] for number in keep]
+
+
+def _cell(fixed: Scales, moving: Scales) -> float:
+    return max(fixed.coarse_cell_mm, moving.coarse_cell_mm)
 
 
 def judged(fixed: Scales, moving: Scales, pose: RigidTransform) -> Candidate:
@@ -116,7 +150,7 @@ def judged(fixed: Scales, moving: Scales, pose: RigidTransform) -> Candidate:
     residual = float(np.sqrt(np.mean(np.minimum(np.abs(apart), reach) ** 2))) if len(apart) else reach
     overlap = max(len(way) / size for way, size in zip(ways, sizes, strict=True))
     carved = max(_carved(fixed, moving, pose), _carved(moving, fixed, pose.inverse()))
-    tolerance = 0.1 * reach
+    tolerance = _TOLERANCE * reach
     tight = max(
         float(np.sum(1.0 / (1.0 + (way.apart_mm / tolerance) ** 2))) / size
         for way, size in zip(ways, sizes, strict=True)

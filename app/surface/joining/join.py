@@ -10,7 +10,7 @@ from app.geometry.arrays import Floats
 from app.geometry.cloud import PointCloud
 from app.geometry.transform import RigidTransform
 from app.surface.joining.clicked import clicked_pose
-from app.surface.joining.coarse import Candidate, Scales, candidates
+from app.surface.joining.coarse import CONVINCING, MOST_CARVED, Candidate, Scales, candidates
 from app.surface.joining.fuse import fuse, in_one_frame
 from app.surface.joining.options import JoinOptions, PairedPlaces
 from app.surface.joining.refine import Partners, Searched, refine, spread
@@ -23,9 +23,7 @@ _FINE_POINTS = 40_000
 _REACH_CELLS = (6.0, 3.0, 2.0)
 _ITERATIONS = 15
 _LEAST_OVERLAP = 0.04
-# Of two things that are not the same, the score is below zero; of halves that share nothing, 0.1.
-_LEAST_SCORE, _SURE_SCORE = 0.15, 0.3
-_MOST_CARVED = 0.03
+_LEAST_SCORE = 0.2
 _RIVAL = 0.9
 
 
@@ -161,9 +159,9 @@ def _placed(
 def _doubts(ways: Sequence[Candidate], name: str) -> tuple[str, ...]:
     best = ways[0]
     doubts = []
-    if best.score < _SURE_SCORE:
+    if best.score < CONVINCING:
         doubts.append(f"{name} shares little surface with the others: {100.0 * best.overlap:.0f} % of it.")
-    if best.carved > _MOST_CARVED:
+    if best.carved > MOST_CARVED:
         doubts.append(f"{name} has surface where another scan saw through.")
     if len(ways) > 1 and ways[1].score > _RIVAL * best.score:
         doubts.append(f"{name} fits in more than one way, such as a thing with two like sides does.")

@@ -10,7 +10,7 @@ from app.geometry.arrays import Floats, Points
 from app.surface.joining.sample import Sample
 
 # Points of each scan that are paired with each other.
-_POINTS = 900
+_POINTS = 700
 _DISTANCE_BINS = 20
 _ANGLE_BINS = 14
 # Shares of the thing's extent: short pairs tell little of the direction, long ones are in one scan alone.

@@ -13,10 +13,13 @@ from app.geometry.transform import RigidTransform, rotation_from_rvec
 from app.surface.joining.sample import Sample
 
 _ALIKE = 0.7
+# Fewer searches are done before the threads are started.
+_MANY = 20_000
 _MAD_TO_SIGMA = 1.4826
 # Residuals beyond so many sigmas count for nothing.
 _TUKEY = 4.0
-_STILL_MM = 2e-5
+# Steps of such a share of the reach change nothing.
+_STILL = 1e-4
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -58,8 +61,9 @@ class Partners:
     ) -> Self:
         there = other_pose.inverse() @ pose
         points, normals = there @ one.points, one.normals @ there.rotation.T
+        workers = -1 if len(points) > _MANY else 1
         distances, number = map(
-            np.asarray, other.tree.query(points, distance_upper_bound=reach_mm, workers=-1)
+            np.asarray, other.tree.query(points, distance_upper_bound=reach_mm, workers=workers)
         )
         which = np.flatnonzero(np.isfinite(distances))
         theirs = number[which]
@@ -108,6 +112,8 @@ def refine(
         iterations: at most.
     """
     found = list(poses)
+    if not links:
+        return found
     middle = np.mean(
         [pose @ scan.sample.points.mean(axis=0) for scan, pose in zip(scans, poses, strict=True)], axis=0
     )
@@ -141,7 +147,7 @@ def refine(
                 rotation = rotation_from_rvec(turn / reach)
                 motion = RigidTransform(rotation, middle + shift - rotation @ middle)
                 found[number] = motion @ found[number]
-        if float(np.abs(steps).max()) < _STILL_MM:
+        if float(np.abs(steps).max()) < _STILL * reach_mm:
             break
     return found
 
