@@ -91,7 +91,8 @@ def _page(rows: Sequence[Row]) -> bytes:
 :root {{ color-scheme: light dark }}
 body {{ font: 16px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 75rem; padding: 0 1rem }}
 td, th {{ padding: .4rem .8rem .4rem 0; text-align: left; vertical-align: top }}
-td {{ font-variant-numeric: tabular-nums; border-top: 1px solid #8884 }} td:nth-child(4) {{ white-space: nowrap }}
+td {{ font-variant-numeric: tabular-nums; border-top: 1px solid #8884 }}
+td:nth-child(4) {{ white-space: nowrap }}
 img {{ background: white; border-radius: 6px; display: block }}
 p {{ margin: 0 }} .doubtful, .failed {{ font-weight: bold; color: #c0392b }}
 </style>
