@@ -15,9 +15,11 @@ const classes = document.documentElement.classList;
 if (window.parent !== window) classes.add('framed');
 if (new URLSearchParams(location.search).get('theme') === 'light') classes.add('light');
 }</script>"""
+# The page around it decides between dark and light, also where another has asked the scene for the other:
+# a frame of another scheme than the page's would not be transparent.
 _STYLE = """<style>
-html { color-scheme: dark; }
-html.light { color-scheme: light; }
+html { color-scheme: dark !important; }
+html.light { color-scheme: light !important; }
 html:not(.framed) { background: radial-gradient(circle at 50% 42%, #2b303a, #111318 75%) fixed; }
 html.light:not(.framed) { background: radial-gradient(circle at 50% 42%, #ffffff, #d4d9e1 75%) fixed; }
 html.framed, body, #root, #root div { background: transparent !important; }
