@@ -37,6 +37,19 @@ def bytes_of(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
+def test_a_thing_that_is_tipped_over_stands_on_the_table_where_it_should() -> None:
+    mug = make_object("mug")
+    for tilt_deg, height_mm in ((0.0, 72.0), (90.0, 66.0), (180.0, 72.0)):
+        placed = plan(item=mug, tilt_deg=tilt_deg, at_mm=(5.0, -3.0)).table_from_item @ mug.mesh.vertices
+        low, high = placed.min(axis=0), placed.max(axis=0)
+        assert low[2] == pytest.approx(0.0, abs=1e-9)
+        assert high[2] == pytest.approx(height_mm, abs=0.1)
+        if tilt_deg:
+            np.testing.assert_allclose((low + high)[:2] / 2.0, [5.0, -3.0], atol=1e-9)
+    with pytest.raises(OptionError, match="tipped over"):
+        plan(tilt_deg=float("nan"))
+
+
 def test_a_recording_holds_every_role_and_reads_back(tmp_path: Path) -> None:
     simulate_recording(tmp_path / "r", plan(views=replace(FEW, axis_line=2), background_steps=2))
     recording = Recording.open(tmp_path / "r")
