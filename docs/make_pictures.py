@@ -41,8 +41,8 @@ _FAR_ENOUGH = """(enough) => {
 }"""
 # A colour of the cloud: no grey, as nearly all else is.
 _COLOURFUL, _CLOUD_PIXELS = 70, 4000
-# Share of the pixels that may change where nothing moves.
-_MOVING = 0.01
+# Grey levels by which a pixel may change where nothing moves, nor comes slowly into sight; how many may more.
+_STILL, _MOVING = 6, 0.002
 _REST_S, _PATIENCE_S = 1.0, 300.0
 
 
@@ -162,7 +162,7 @@ def _with_cloud(page: Page) -> Image.Image:
 
 
 def _is_steady(before: Pixels, now: Pixels) -> bool:
-    return bool(np.mean(np.abs(now - before).max(axis=2) > _COLOURFUL) < _MOVING)
+    return bool(np.mean(np.abs(now - before).max(axis=2) > _STILL) < _MOVING)
 
 
 def _shot_when(page: Page, is_so: Callable[[Pixels, Pixels], bool]) -> Image.Image:
