@@ -3,6 +3,7 @@
 import io
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from app.main import create_app
 from app.settings import Settings
 from app.surface.ply import write_ply
 
-SCAN = "ball"
+SCAN, MOVED = "ball", "moved"
 _DEADLINE_S = 120.0
 
 
@@ -26,6 +27,10 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     folder = tmp_path_factory.mktemp("server")
     (folder / "scans" / SCAN).mkdir(parents=True)
     write_ply(folder / "scans" / SCAN / "cloud.ply", _ball())
+    (folder / "scans" / MOVED).mkdir()
+    moved = _ball(2)
+    aside = np.array([9.0, 0.0, 0.0], np.float32)
+    write_ply(folder / "scans" / MOVED / "cloud.ply", replace(moved, points=moved.points + aside))
     description = simulated_description("horus", object="mug", width=320, height=240, rate=20.0)
     application = create_app(Settings(folder, "simulated"), description)
     with TestClient(application, base_url="http://localhost") as client:
@@ -62,6 +67,55 @@ def test_a_cloud_becomes_a_mesh_to_download_and_to_show(client: TestClient) -> N
     assert shown["extent"]["high"][2] == pytest.approx(30.0, abs=0.3)
 
 
+def test_a_mesh_knows_how_it_was_made_its_cleaned_cloud_is_kept_and_it_is_erased(client: TestClient) -> None:
+    presets = {each["preset"]: each for each in client.get(f"{API}/surface/presets/{SCAN}").json()}
+    assert [step["kind"] for step in presets["print"]["steps"]] == [
+        "quality",
+        "table",
+        "statistical-outliers",
+    ]
+    wanted = {"scan": SCAN, "cloud": "cloud.ply", "mesh": {"cell_mm": 1.2}, "keeps_cloud": True}
+    result = _ended(client, client.post(f"{API}/jobs/surface", json=wanted).json()["id"])["result"]
+    mesh = client.get(f"{API}/scans/{SCAN}/meshes").json()[-1]
+    made = mesh["made"]
+    assert (mesh["name"], made["order"]["preset"], made["cloud"]) == (result["mesh"], "print", "cloud.ply")
+    for form in ("stl", "3mf", "obj", "glb"):
+        assert len(client.get(mesh["path"], params={"form": form}).content) == made["sizes"][form]
+    clouds = {each["name"]: each for each in client.get(f"{API}/scans/{SCAN}").json()["clouds"]}
+    assert clouds[result["cleaned"]]["made_by"] == "cleaned"
+    assert clouds[result["cleaned"]]["points"] == made["used_points"] < clouds["cloud.ply"]["points"]
+    assert client.delete(mesh["path"]).json()["freed_bytes"] > mesh["size_bytes"]
+    assert mesh["name"] not in {each["name"] for each in client.get(f"{API}/scans/{SCAN}/meshes").json()}
+    assert client.delete(mesh["path"]).status_code == 404
+    nothing = {"scan": SCAN, "has_mesh": False}
+    assert client.post(f"{API}/jobs/surface", json=nothing).status_code == 422
+
+
+def test_scans_are_joined_into_a_new_one_by_places_that_were_shown(client: TestClient) -> None:
+    places = [[10.0, 0.0, 8.0], [0.0, 12.0, 15.0], [-5.0, 0.0, 27.0]]
+    pairs = [{"cloud": 1, "here": [x + 9.0, y, z], "there": [x, y, z]} for x, y, z in places]
+    wanted = {
+        "scans": [{"scan": SCAN, "cloud": "cloud.ply"}, {"scan": MOVED}], "title": "Both of them",
+        "options": {"pairs": pairs},
+    }  # fmt: skip
+    job = _ended(client, client.post(f"{API}/jobs/join", json=wanted).json()["id"])
+    assert job["state"] == "done", job["problem"]
+    placed = job["result"]["placements"]
+    assert [each["scan"] for each in placed] == [SCAN, MOVED]
+    assert placed[0]["pose"][0][3] == 0.0
+    assert 0.5 < placed[1]["overlap"] <= 1.0
+    joined = client.get(f"{API}/scans/{job['result']['scan']}").json()
+    assert (joined["title"], joined["status"], joined["clouds"][0]["made_by"]) == (
+        "Both of them", "cloud", "joined",
+    )  # fmt: skip
+    # It was seen from all sides: no table is looked for, and nothing is stood on a base.
+    presets = client.get(f"{API}/surface/presets/{joined['name']}").json()
+    assert presets[0]["mesh"]["has_flat_base"] is False
+    assert {"kind": "table"} not in presets[0]["steps"]
+    twice = {"scans": [{"scan": MOVED}, {"scan": MOVED}], "title": "Twice"}
+    assert client.post(f"{API}/jobs/join", json=twice).status_code == 422
+
+
 def test_what_cannot_be_made_or_found_is_told(client: TestClient) -> None:
     for wrong in ({"steps": [{"kind": "magic"}]}, {"mesh": {"cell_mm": -1}}, {"preset": "eat"}):
         assert client.post(f"{API}/jobs/surface", json={"scan": SCAN, **wrong}).status_code == 422
@@ -75,9 +129,9 @@ def test_what_cannot_be_made_or_found_is_told(client: TestClient) -> None:
     assert client.post(f"{API}/scans/{SCAN}/meshes/missing.ply/show").status_code == 404
 
 
-def _ball() -> PointCloud:
+def _ball(seed: int = 1) -> PointCloud:
     """30 mm across, on the table, its underside not seen."""
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(seed)
     normals = rng.normal(size=(8_000, 3))
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     points = normals * (15.0 + 0.02 * rng.normal(size=(8_000, 1))) + [0.0, 0.0, 15.0]

@@ -53,6 +53,17 @@ def test_steps_are_tried_shown_and_nothing_is_kept(client: TestClient) -> None:
     assert client.get(f"{API}/scans/ball").json()["points"] == 6_000
 
 
+def test_what_would_go_is_shown_beside_what_stays(client: TestClient) -> None:
+    wanted = {
+        "scan": "ball", "marks": True,
+        "steps": [{"kind": "box", "low": [-50, -50, 0], "high": [50, 50, 50]}, {"kind": "quality"}],
+    }  # fmt: skip
+    told = client.post(f"{API}/surface/preview", json=wanted).json()
+    assert told["left"] < told["points"]
+    view = client.get(f"{API}/view").json()
+    assert (view["points"], view["colour"]) == (told["points"], "texture")
+
+
 def test_a_cloud_is_measured_and_compared(client: TestClient) -> None:
     wanted = {
         "scan": "larger", "shape": "sphere", "ends": [[30, 0, 0], [-30, 0, 0]], "against": {"scan": "ball"},

@@ -61,6 +61,16 @@ def test_a_distance_is_measured_between_two_points_that_one_page_sees(view: Clou
         number = viewer.nodes["/table/measure/number"].props["points"].reshape(-1, 3)
         assert np.ptp(number[:, 1]) > 3.0 * np.ptp(number[:, 0]) > 0.0
         np.testing.assert_allclose(number[:, 2], 40.0, atol=1e-3)
+        # The same place, marked, and where the matrix of this view has it.
+        picked = view.pick_at("page", 0.5 + aside, 0.5, [(0.0, 30.0, 40.0)])
+        assert picked == tuple(corners[0].tolist())
+        wait_until(lambda: "/table/marks/dots" in viewer.nodes)
+        assert len(viewer.nodes["/table/marks/dots"].props["points"].reshape(-1, 3)) == 2
+        x, y, _, ahead = view.view_matrix("page") @ [*picked, 1.0]
+        assert ahead == pytest.approx(400.0)
+        assert (x / ahead, y / ahead) == (pytest.approx(2.0 * aside), pytest.approx(0.0, abs=1e-9))
+        view.forget_picks()
+        wait_until(lambda: "/table/marks/dots" not in viewer.nodes)
         for place in ((0.99, 0.99), (0.5, 0.9)):
             with pytest.raises(OptionError):
                 view.measure_at("page", *place)

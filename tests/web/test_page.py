@@ -6,14 +6,18 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+import trimesh
 import uvicorn
 from browsing import needs_browser, opened
 from playwright.sync_api import Browser, expect
 
 from app.devices.bench_file import simulated_description
+from app.geometry.cloud import PointCloud
 from app.main import create_app
 from app.settings import Settings
+from app.surface.ply import write_ply
 from app.surface.ply_reader import read_ply
 from app.viewer.proxy import SOCKET_OPTIONS
 from benchmarks.browser import DESK, PHONE, chromium
@@ -74,12 +78,63 @@ def test_a_scan_is_clicked_through_from_the_start_to_a_file(
         page.get_by_role("button", name="Start scan").click()
         expect(page.get_by_role("heading", name="Scan finished")).to_be_visible()
         complaints.check(page)
+        finish = page.get_by_role("link", name="Make it printable")
+        assert str(finish.get_attribute("href")).endswith("/finish")
         with page.expect_download() as download:
             page.get_by_role("link", name="Download PLY").click()
         download.value.save_as(tmp_path / "scan.ply")
         assert len(read_ply(tmp_path / "scan.ply").points) > 200
         page.get_by_role("button", name="Scan again").click()
         expect(page.get_by_role("button", name="Start scan")).to_be_visible()
+
+
+def test_a_scan_is_cleaned_made_a_surface_of_and_taken_home_as_stl(
+    address: str, browser: Browser, tmp_path: Path
+) -> None:
+    write_ply(tmp_path / "ball.ply", _ball())
+    with opened(browser, viewport=DESK, locale="en-GB") as (page, complaints):
+        upload = f"{address}/api/v1/scans/upload?file=ball.ply&title=Ball"
+        assert page.request.post(upload, data=(tmp_path / "ball.ply").read_bytes()).ok
+        page.goto(f"{address}/library/ball")
+        page.get_by_role("link", name="Make it printable").click()
+        expect(page.get_by_role("heading", level=1, name="Finish “Ball”")).to_be_visible()
+        total = page.get_by_text("points would go")
+        expect(total).to_be_visible()
+        # Everything is tried at once, taken back, and taken back again.
+        tried = total.text_content()
+        assert tried is not None
+        page.get_by_role("button", name="Table takes").click()
+        page.get_by_label("Clearance over the table", exact=True).fill("8")
+        expect(total).not_to_have_text(tried)
+        complaints.check(page)
+        page.get_by_role("button", name="Undo").click()
+        expect(total).to_have_text(tried)
+        page.get_by_role("button", name="Redo").click()
+        expect(total).not_to_have_text(tried)
+        page.get_by_label("Use: Table").uncheck()
+        page.get_by_role("button", name="Make the surface").click()
+        expect(page.get_by_text("Triangles", exact=True)).to_be_visible()
+        complaints.check(page)
+        with page.expect_download() as download:
+            page.get_by_role("link", name="STL").click()
+        download.value.save_as(tmp_path / "ball.stl")
+        made = trimesh.load_mesh(tmp_path / "ball.stl")
+        assert made.is_watertight
+        assert made.extents[2] == pytest.approx(28.0, abs=1.0)
+
+
+def _ball() -> PointCloud:
+    """30 mm across, on the table, its underside not seen."""
+    rng = np.random.default_rng(4)
+    normals = rng.normal(size=(6_000, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    points = 15.0 * normals + [0.0, 0.0, 15.0]
+    ones = np.ones(len(points), np.float32)
+    cloud = PointCloud(
+        points.astype(np.float32), normals.astype(np.float32), np.full((len(points), 3), 120, np.uint8),
+        0.02 * ones, np.zeros(len(points), np.uint8), 0.0 * ones, ones, ("left",),
+    )  # fmt: skip
+    return cloud.select(points[:, 2] > 2.0)
 
 
 def test_every_place_is_in_order_on_a_phone_in_the_dark_in_german(address: str, browser: Browser) -> None:

@@ -22,7 +22,7 @@ router = APIRouter(prefix="/surface", tags=["surface"])
 # Each takes seconds of every core, and memory: the others wait.
 _ONE_AT_A_TIME = anyio.CapacityLimiter(1)
 _COLOURS = "texture"
-_GONE = (230, 40, 40)
+_STAYS, _GONE = (110, 114, 120), (200, 0, 0)
 Name = Annotated[str, Field(min_length=1, max_length=200)]
 Place = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 CloudName = Annotated[str, Query(max_length=300)]
@@ -256,8 +256,13 @@ def _tried(served: Services, wanted: CleaningIn) -> CleaningOut:
 
 
 def _marked(left: PointCloud, gone: PointCloud) -> PointCloud:
-    """Both, what is gone in red."""
-    return PointCloud.joined([left, replace(gone, colours=np.full_like(gone.colours, _GONE))])
+    """Both, grey what stays and red what is gone."""
+    return PointCloud.joined(
+        [
+            replace(cloud, colours=np.full_like(cloud.colours, colour))
+            for cloud, colour in ((left, _STAYS), (gone, _GONE))
+        ]
+    )
 
 
 def _measured(served: Services, wanted: SurfaceMeasureIn) -> SurfaceMeasuresOut:

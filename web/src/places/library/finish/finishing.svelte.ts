@@ -46,12 +46,12 @@ export class Finishing {
   }
 }
 
-const begunOnes = new Map<string, Finishing>();
+const begunOnes: Record<string, Finishing | undefined> = {};
 
 /** That of a cloud; begun with what the preset for printing does. */
 export async function finishingOf(scan: string, cloud: string): Promise<Finishing> {
   const key = `${scan}/${cloud}`;
-  const known = begunOnes.get(key);
+  const known = begunOnes[key];
   if (known) return known;
   const params = { path: { scan }, query: { cloud } };
   const [presets, kinds] = await Promise.all([
@@ -59,6 +59,6 @@ export async function finishingOf(scan: string, cloud: string): Promise<Finishin
     asked(api.GET("/api/v1/surface/steps")),
   ]);
   const made = new Finishing(scan, cloud, presets, kinds);
-  begunOnes.set(key, made);
+  begunOnes[key] = made;
   return made;
 }

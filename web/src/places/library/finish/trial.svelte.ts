@@ -1,7 +1,7 @@
 /** Tries the plan on a thinned copy of the cloud, and has the 3D view show what is wanted; one thing at a time. */
 import { api, asked } from "../../../api/client";
 import type { CleaningOut } from "../../../api/schema.gen";
-import { readCloud } from "../../../cloud.svelte";
+import { cloud as cloudView, readCloud, type View } from "../../../cloud.svelte";
 import { wordsOf } from "../../../notices.svelte";
 import type { StepDocument } from "./plan";
 
@@ -35,6 +35,8 @@ export class Trial {
   #wanted: Wish | null = null;
   #drawn = "";
   #tried = "";
+  /** What the colours said before they told what goes. */
+  #colour: View["colour"] | null = null;
 
   /** Has it so, when what goes on is over; only the newest wish counts. */
   async wish(wish: Wish): Promise<void> {
@@ -59,9 +61,17 @@ export class Trial {
     this.#drawn = "";
   }
 
+  /** The colours say again what they said before. */
+  async putBack(): Promise<void> {
+    const colour = this.#colour;
+    this.#colour = null;
+    if (colour) await asked(api.PATCH("/api/v1/view", { body: { colour } }));
+  }
+
   async #fulfil(wish: Wish): Promise<void> {
     const { scan, cloud } = wish;
     const isDrawn = drawnOf(wish) === this.#drawn;
+    if (!isDrawn && wish.look === "going") this.#colour ??= cloudView.now?.colour ?? null;
     const shows = !isDrawn && (wish.look === "going" || wish.look === "after");
     if (shows || triedOf(wish) !== this.#tried) {
       this.#tried = "";
@@ -80,6 +90,7 @@ export class Trial {
       this.isHidden = false;
     }
     this.#drawn = drawnOf(wish);
+    if (wish.look !== "going") await this.putBack();
     await readCloud();
   }
 }
