@@ -3,6 +3,8 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 OUT ?= out
+# Many tests wait for boards that take their time, so there may be more of them at once than processors.
+WORKERS := $(shell echo $$(( $$(getconf _NPROCESSORS_ONLN) * 3 / 2 )))
 CHROMIUM := apt-get install -qq -y chromium < /dev/null > /dev/null 2>&1
 
 .PHONY: run test check kernels pages pages-check pages-test api bench pictures docker-steps clean
@@ -47,7 +49,7 @@ test:
 	$(MAKE) -j2 $(STAMP) $(MODULES)
 	$(MAKE) pages
 	$(MAKE) -j2 check kernels pages-test
-	$(BIN)/pytest -n auto --dist loadfile --no-loadscope-reorder
+	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 # What the API offers, for programs and for the page's types. Run it after changing a route.
 api: $(STAMP) $(MODULES)

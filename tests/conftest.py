@@ -19,6 +19,7 @@ settings.load_profile("house")
 # Files that take long: begun last they would keep one core busy while the other has nothing to do. A file is
 # never torn apart, so that what its tests share is made once.
 _FIRST = (
+    "test_batch.py",
     "test_journey.py",
     "test_planted_faults.py",
     "test_turntable_green.py",
