@@ -7,7 +7,7 @@ OUT ?= out
 WORKERS := $(shell echo $$(( $$(getconf _NPROCESSORS_ONLN) * 3 / 2 )))
 CHROMIUM := apt-get install -qq -y chromium < /dev/null > /dev/null 2>&1
 
-.PHONY: run test check kernels pages pages-check pages-test api bench pictures docker-steps clean
+.PHONY: run test suite check kernels pages pages-check pages-test api bench pictures docker-steps clean
 
 $(STAMP): pyproject.toml
 	$(PYTHON) -m venv $(VENV)
@@ -47,8 +47,11 @@ kernels: $(STAMP)
 
 test:
 	$(MAKE) -j2 $(STAMP) $(MODULES)
-	$(MAKE) pages
-	$(MAKE) -j2 check kernels pages-test
+	$(MAKE) -j2 kernels pages pages-test
+	$(MAKE) -j2 suite check
+
+# After kernels, pages and pages-test. Its tests wait often enough for the checks to find room beside them.
+suite:
 	$(BIN)/pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 # What the API offers, for programs and for the page's types. Run it after changing a route.

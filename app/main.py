@@ -12,7 +12,7 @@ from fastapi import FastAPI
 from starlette.requests import HTTPConnection
 
 from app.access.access import Access
-from app.allocator import return_large_blocks
+from app.allocator import share_arenas
 from app.api.about import About
 from app.api.bench_choice import BenchChoice
 from app.api.document import api_application
@@ -117,7 +117,7 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(application: FastAPI) -> AsyncIterator[None]:
-        return_large_blocks()
+        share_arenas()
         with parts:
             setting_up = threading.Thread(target=_set_up, args=(served, view), name="connect", daemon=True)
             # What it imports would hold up the first answers.

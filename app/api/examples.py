@@ -31,7 +31,7 @@ _JOB: Json = {
 _CLOUD: Json = {
     "name": "clouds/20261121-101720.ply", "path": "/api/v1/scans/a-mug/clouds/20261121-101720.ply",
     "points": 184_203, "size_bytes": 6_079_012, "created": "2026-11-21T10:17:20Z",
-    "detector": "zero-crossing", "calibrated": "2026-11-20T18:02:11Z",
+    "detector": "zero-crossing", "calibrated": "2026-11-20T18:02:11Z", "made_by": "",
 }  # fmt: skip
 _TAKEN_WITH: Json = {"created": "2026-11-20T18:02:11Z", "method": "joint", "expected_error_mm": 0.034}
 _SCAN: Json = {
@@ -275,6 +275,15 @@ EXAMPLES: Final[dict[str, Any]] = {
         },
     },
     "TextureIn": {"scan": "a-mug", "pictures": 24},
+    "ErasedMeshOut": {"freed_bytes": 7_310_284},
+    "FinishPresetOut": {
+        "preset": "print", "steps": [{"kind": "quality"}, {"kind": "statistical-outliers"}],
+        "mesh": {"is_closed": True, "tolerance_mm": 0.03},
+    },
+    "LassoIn": {"tab": "page", "outline": [[0.1, 0.1], [0.4, 0.1], [0.4, 0.5]], "keep": "outside"},
+    "LassoOut": {"step": {"kind": "lasso", "keep": "outside"}},
+    "PickIn": {"tab": "page", "across": 0.5, "down": 0.4, "before": []},
+    "PickOut": {"point": [12.4, -3.1, 40.2]},
     "ThrownAway": {"key": "20261121-113000-a-mug"},
     "TokenIn": {"name": "the script in the workshop"},
     "TokenMade": {"name": "the script in the workshop", "secret": "shown this once"},

@@ -12,6 +12,7 @@ from app.recording.manifest import Direction
 from app.recording.picture import ImageFormat
 from app.simulation.noise import Noise
 from app.simulation.objects import SimulatedObject, sphere
+from app.simulation.poses import tipped_pose
 from app.simulation.rig import Z_UP, SimulatedRig, standard_rig
 from app.simulation.scene import Lighting
 from app.vision.board import BoardSpec
@@ -165,10 +166,7 @@ class SimulationPlan:
         place, turned = np.array([x, y, 0.0]), rotation_about(Z_UP, 0.4)
         if not self.tilt_deg:
             return RigidTransform(turned, place)
-        tipped = turned @ rotation_about(np.array([1.0, 0.0, 0.0]), np.radians(self.tilt_deg))
-        corners = self.item.mesh.vertices @ tipped.T
-        low, high = corners.min(axis=0), corners.max(axis=0)
-        return RigidTransform(tipped, place - [*(low + high)[:2] / 2.0, low[2]])
+        return tipped_pose(self.item.mesh.vertices, turned, place, self.tilt_deg)
 
     def rng(self, purpose: str) -> np.random.Generator:
         """Random numbers of their own for every purpose, so that one option does not change another's."""

@@ -3,7 +3,7 @@
 import numpy as np
 
 from app.errors import OptionError
-from app.geometry.arrays import Points, Vector3
+from app.geometry.arrays import Floats, Points, Vector3
 from app.geometry.camera import CameraIntrinsics
 from app.geometry.rig import Rig
 from app.geometry.transform import RigidTransform, rotation_about, rotation_from_rvec
@@ -19,6 +19,21 @@ def fitting_board(rig: Rig) -> BoardSpec:
     width, _ = rig.camera.size
     seen_mm = width * float(np.linalg.norm(rig.axis.origin)) / float(rig.camera.matrix[0, 0])
     return BoardSpec("chessboard", 9, 6, max(0.5, 0.5 * round(0.072 * seen_mm)))
+
+
+def tipped_pose(vertices: Points, turned: Floats, place: Vector3, tilt_deg: float) -> RigidTransform:
+    """Table from object, for one that lies on its side or stands on its head.
+
+    Args:
+        vertices: (N, 3) of the object, mm.
+        turned: (3, 3) how it is turned about the vertical.
+        place: where on the table its middle is; it rests there on its lowest point.
+        tilt_deg: how far it is tipped over: 90 for lying, 180 for upside down.
+    """
+    tipped = turned @ rotation_about(_X, np.radians(tilt_deg))
+    corners = vertices @ tipped.T
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    return RigidTransform(tipped, place - [*(low + high)[:2] / 2.0, low[2]])
 
 
 def free_poses(

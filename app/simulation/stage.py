@@ -13,7 +13,7 @@ from app.simulation.beam import Glow
 from app.simulation.boards import board_body, board_plate, table_bodies
 from app.simulation.exposure import SensorSettings
 from app.simulation.objects import SimulatedObject, make_object
-from app.simulation.poses import fitting_board, standing_pose
+from app.simulation.poses import fitting_board, standing_pose, tipped_pose
 from app.simulation.render import Renderer
 from app.simulation.rig import Z_UP
 from app.simulation.scene import Body, Scene
@@ -21,8 +21,9 @@ from app.simulation.view import View
 from app.simulation.world_plan import WorldPlan
 from app.vision.stripe import Image
 
-Thing: TypeAlias = Literal["object", "nothing", "board-on-table", "board-in-hands"]
+Thing: TypeAlias = Literal["object", "object-lying", "nothing", "board-on-table", "board-in-hands"]
 _KEPT_RENDERERS = 4
+_LYING_DEG = 90.0
 _KEPT_VIEWS = 2
 
 
@@ -76,6 +77,12 @@ class Stage:
         """Where the object stands, at table angle 0: a little off the axis."""
         radius = self.scanner.table_radius_mm
         return RigidTransform(rotation_about(Z_UP, 0.4), np.array([0.07 * radius, -0.04 * radius, 0.0]))
+
+    @property
+    def table_from_lying_item(self) -> RigidTransform:
+        """Where it lies on its side, likewise."""
+        standing = self.table_from_item
+        return tipped_pose(self.item.mesh.vertices, standing.rotation, standing.translation, _LYING_DEG)
 
     def table_from_board(self, placement: int) -> RigidTransform:
         """Where the board stands at table angle 0; places lie before and behind the axis in turns."""
@@ -136,6 +143,8 @@ class Stage:
         bodies: tuple[Body, ...] = table
         if thing == "object":
             bodies = (*table, Body(self.item.mesh, self.table_from_item, True))
+        elif thing == "object-lying":
+            bodies = (*table, Body(self.item.mesh, self.table_from_lying_item, True))
         elif thing == "board-on-table":
             bodies = (*table, board_body(self.board, self.table_from_board(placement), turns=True))
         elif thing == "board-in-hands":

@@ -83,11 +83,12 @@ class SimulatedWorld:
         now = self._arranged.last
         return now.thing, now.placement
 
-    def put(self, what: Literal["object", "nothing", "board-on-table"]) -> None:
+    def put(self, what: Literal["object", "object-lying", "nothing", "board-on-table"]) -> None:
         """Change what stands on the table; hands that hold the board go away."""
-        if what not in ("object", "nothing", "board-on-table"):
+        if what not in ("object", "object-lying", "nothing", "board-on-table"):
             raise OptionError(
-                f"Nobody can put {what!r} on the table.", "Put: object, nothing or board-on-table."
+                f"Nobody can put {what!r} on the table.",
+                "Put: object, object-lying, nothing or board-on-table.",
             )
         self._change(thing=what, placement=0, hands=None)
 

@@ -353,22 +353,25 @@ def test_a_camera_that_was_never_connected_says_so(scripted: ScriptedCamera) -> 
     camera.disconnect()
 
 
-def test_a_frozen_camera_can_be_let_go_at_once(camera: Camera, scripted: ScriptedCamera) -> None:
-    scripted.is_frozen = True
+def test_a_frozen_camera_can_be_let_go_at_once() -> None:
+    scripted = ScriptedCamera()
     errors: list[DeviceError] = []
+    before = set(threading.enumerate())
 
-    def wait() -> None:
+    def wait(camera: Camera) -> None:
         try:
             camera.fresh_frame(timeout_s=60.0)
         except DeviceError as error:
             errors.append(error)
 
-    waiting = threading.Thread(target=wait)
-    waiting.start()
-    camera.disconnect()
-    waiting.join(_SOON_S)
-    assert errors
-    assert not [thread for thread in threading.enumerate() if thread.name == "camera-grab"]
+    with connected(Camera(scripted)) as camera:
+        scripted.is_frozen = True
+        waiting = threading.Thread(target=wait, args=(camera,))
+        waiting.start()
+        camera.disconnect()
+        waiting.join(_SOON_S)
+        assert errors
+        assert set(threading.enumerate()) <= before
 
 
 @contextlib.contextmanager

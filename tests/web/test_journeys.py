@@ -61,6 +61,8 @@ def test_whoever_knows_nothing_gets_to_a_calibrated_scan_in_a_few_clicks(
         page.get_by_role("link", name="Scan now").click()
         page.get_by_role("button", name="Start scan").click()
         expect(page.get_by_role("heading", name="Scan finished")).to_be_visible()
+        finish = page.get_by_role("link", name="Make it printable")
+        assert str(finish.get_attribute("href")).endswith("/finish")
         assert _downloaded(page, "Download PLY", tmp_path) > 500
         assert 5 <= page.evaluate("Number(sessionStorage.clicks)") <= _MOST_CLICKS
         for place in ("Adjust", "Library", "Settings"):

@@ -13,9 +13,10 @@ router = APIRouter(prefix="/bench/simulated", tags=["bench"])
 
 
 class Standing(StrEnum):
-    """What can stand there; the board in one place on the table or another, or held in hands."""
+    """What can be there: the object, also on its side; the board in two places, or held in hands."""
 
     OBJECT = "object"
+    LYING = "object-lying"
     NOTHING = "nothing"
     BOARD = "board"
     BOARD_AGAIN = "board-again"
@@ -35,8 +36,7 @@ def show_stage(served: Served) -> StageOut:
     thing, placement = _world(served).standing
     if thing == "board-on-table":
         return StageOut(stage=Standing.BOARD if placement % 2 == 0 else Standing.BOARD_AGAIN)
-    known = {"object": Standing.OBJECT, "nothing": Standing.NOTHING, "board-in-hands": Standing.HELD}
-    return StageOut(stage=known[thing])
+    return StageOut(stage=Standing.HELD if thing == "board-in-hands" else Standing(thing))
 
 
 @router.post("/stage")
@@ -49,6 +49,8 @@ def set_stage(served: Served, wanted: StageOut) -> StageOut:
         world.place_board(1)
     elif wanted.stage in (Standing.HELD, Standing.HELD_ACROSS):
         world.hold_board(across_lasers=wanted.stage is Standing.HELD_ACROSS)
+    elif wanted.stage is Standing.LYING:
+        world.put("object-lying")
     else:
         world.put("object" if wanted.stage is Standing.OBJECT else "nothing")
     return show_stage(served)

@@ -3825,6 +3825,9 @@ export interface components {
         /**
          * ErasedMeshOut
          * @description How much room a mesh took.
+         * @example {
+         *       "freed_bytes": 7310284
+         *     }
          */
         ErasedMeshOut: {
             /** Freed Bytes */
@@ -3976,6 +3979,21 @@ export interface components {
         /**
          * FinishPresetOut
          * @description What a preset does to a certain cloud.
+         * @example {
+         *       "mesh": {
+         *         "is_closed": true,
+         *         "tolerance_mm": 0.03
+         *       },
+         *       "preset": "print",
+         *       "steps": [
+         *         {
+         *           "kind": "quality"
+         *         },
+         *         {
+         *           "kind": "statistical-outliers"
+         *         }
+         *       ]
+         *     }
          */
         FinishPresetOut: {
             mesh: components["schemas"]["MeshOptions"];
@@ -4411,6 +4429,24 @@ export interface components {
         /**
          * LassoIn
          * @description An outline that was drawn on a page's view; its corners as of `MeasureIn`: across, then down.
+         * @example {
+         *       "keep": "outside",
+         *       "outline": [
+         *         [
+         *           0.1,
+         *           0.1
+         *         ],
+         *         [
+         *           0.4,
+         *           0.1
+         *         ],
+         *         [
+         *           0.4,
+         *           0.5
+         *         ]
+         *       ],
+         *       "tab": "page"
+         *     }
          */
         LassoIn: {
             /**
@@ -4430,6 +4466,12 @@ export interface components {
         /**
          * LassoOut
          * @description The step that takes away, or keeps, what lies in the outline from where the page looks now.
+         * @example {
+         *       "step": {
+         *         "keep": "outside",
+         *         "kind": "lasso"
+         *       }
+         *     }
          */
         LassoOut: {
             /**
@@ -4946,6 +4988,12 @@ export interface components {
         /**
          * PickIn
          * @description A place in a page's view, as of `MeasureIn`; `before` are points that were picked before.
+         * @example {
+         *       "across": 0.5,
+         *       "before": [],
+         *       "down": 0.4,
+         *       "tab": "page"
+         *     }
          */
         PickIn: {
             /** Across */
@@ -4967,6 +5015,13 @@ export interface components {
         /**
          * PickOut
          * @description The point of the cloud that lies there: x, y, z in mm, table frame.
+         * @example {
+         *       "point": [
+         *         12.4,
+         *         -3.1,
+         *         40.2
+         *       ]
+         *     }
          */
         PickOut: {
             /** Point */
@@ -5381,6 +5436,7 @@ export interface components {
          *             "calibrated": "2026-11-20T18:02:11Z",
          *             "created": "2026-11-21T10:17:20Z",
          *             "detector": "zero-crossing",
+         *             "made_by": "",
          *             "name": "clouds/20261121-101720.ply",
          *             "path": "/api/v1/scans/a-mug/clouds/20261121-101720.ply",
          *             "points": 184203,
@@ -5409,6 +5465,7 @@ export interface components {
          *             "calibrated": "2026-11-20T18:02:11Z",
          *             "created": "2026-11-21T10:17:20Z",
          *             "detector": "zero-crossing",
+         *             "made_by": "",
          *             "name": "clouds/20261121-101720.ply",
          *             "path": "/api/v1/scans/a-mug/clouds/20261121-101720.ply",
          *             "points": 184203,
@@ -5589,6 +5646,7 @@ export interface components {
          *           "calibrated": "2026-11-20T18:02:11Z",
          *           "created": "2026-11-21T10:17:20Z",
          *           "detector": "zero-crossing",
+         *           "made_by": "",
          *           "name": "clouds/20261121-101720.ply",
          *           "path": "/api/v1/scans/a-mug/clouds/20261121-101720.ply",
          *           "points": 184203,
@@ -5776,10 +5834,10 @@ export interface components {
         };
         /**
          * Standing
-         * @description What can stand there; the board in one place on the table or another, or held in hands.
+         * @description What can be there: the object, also on its side; the board in two places, or held in hands.
          * @enum {string}
          */
-        Standing: "object" | "nothing" | "board" | "board-again" | "held" | "held-across";
+        Standing: "object" | "object-lying" | "nothing" | "board" | "board-again" | "held" | "held-across";
         /**
          * StateOut
          * @description How everything stands: the first event of each connection, in place of whatever was known before.
