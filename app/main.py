@@ -73,6 +73,7 @@ def create_app(
         AccessFileError: it is not clear who may use the server.
     """
     access = access or Access.open(settings.folder)
+    share_arenas()
     with ExitStack() as building:
         building.callback(access.save_seen)
         machine = building.enter_context(_bench(description, lambda words: runner.ask_person(words)))
@@ -117,7 +118,6 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(application: FastAPI) -> AsyncIterator[None]:
-        share_arenas()
         with parts:
             setting_up = threading.Thread(target=_set_up, args=(served, view), name="connect", daemon=True)
             # What it imports would hold up the first answers.

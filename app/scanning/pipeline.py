@@ -1,8 +1,9 @@
 """Work spread over a few threads, handed on in order, never more of it under way than a few items."""
 
 import threading
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack
 from queue import SimpleQueue
 from typing import Generic, TypeVar
 
@@ -48,20 +49,23 @@ class _Feeder(Generic[T, U]):
         self._pool.shutdown(wait=True, cancel_futures=True)
 
     def _run(self) -> None:
-        source = iter(self._items)
         try:
-            self.room.acquire()
-            for item in source:
-                self.results.put(self._pool.submit(self._function, item))
-                self.room.acquire()
-                if self._is_over:
-                    break
+            source = iter(self._items)
+            with ExitStack() as ending:
+                if (close := getattr(source, "close", None)) is not None:
+                    ending.callback(close)
+                self._feed(source)
         except BaseException as error:  # noqa: BLE001 (edge of a thread: raised where results are taken)
             broken: Future[U] = Future()
             broken.set_exception(error)
             self.results.put(broken)
         finally:
-            close = getattr(source, "close", None)
-            if close is not None:
-                close()
             self.results.put(None)
+
+    def _feed(self, source: Iterator[T]) -> None:
+        self.room.acquire()
+        for item in source:
+            self.results.put(self._pool.submit(self._function, item))
+            self.room.acquire()
+            if self._is_over:
+                break

@@ -51,6 +51,21 @@ def test_an_error_of_the_items_arrives_after_the_results_of_those_before() -> No
         next(results)
 
 
+def test_an_error_at_the_end_of_the_items_arrives_too() -> None:
+    class Items:
+        def __iter__(self) -> Iterator[int]:
+            return self
+
+        def __next__(self) -> int:
+            raise StopIteration
+
+        def close(self) -> None:
+            raise KeyError("farewell")
+
+    with pytest.raises(KeyError, match="farewell"):
+        list(ordered_map(lambda k: k, Items(), workers=2))
+
+
 def test_an_error_arrives_at_its_place_and_ends_the_threads() -> None:
     def work(k: int) -> int:
         if k == 5:
