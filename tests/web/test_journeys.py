@@ -1,5 +1,6 @@
 """The whole journey in a real browser with a real server: from nothing to a file, whatever happens."""
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -79,11 +80,14 @@ def test_a_scan_outlives_a_reload_and_the_death_of_its_server(
         page.add_init_script("""localStorage["turnscan.scan"] ??= '{"steps": 40, "without": ["right"]}'""")
         page.goto(server.address)
         page.get_by_role("button", name="Start scan").click()
+        progress = page.get_by_role("progressbar", name="Progress of the scan")
+        # Where no picture was taken yet there is nothing to go on with.
+        expect(progress).to_have_attribute("aria-valuenow", re.compile("[1-9]"))
         page.get_by_role("button", name="Pause").click()
         go_on = page.get_by_role("button", name="Go on")
         expect(go_on).to_be_visible()
         page.reload()
-        expect(page.get_by_role("progressbar", name="Progress of the scan")).to_be_visible()
+        expect(progress).to_be_visible()
         page.evaluate("document.body.dataset.same = 'page'")
         go_on.click()
         expect(page.get_by_role("button", name="Pause")).to_be_enabled()
