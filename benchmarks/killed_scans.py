@@ -23,33 +23,8 @@ from app.recording.reader import Recording
 from app.recording.shot import Role
 from app.scanning.sources import reconstruct_recording, scan_detector
 from app.surface.ply_reader import read_ply
+from benchmarks.bench_text import simulated_bench
 
-_BENCH = """
-[turntable]
-driver = "simulated"
-settle_s = 0.0
-[camera]
-driver = "simulated"
-[[lasers]]
-name = "left"
-channel = 1
-colour = "red"
-[[lasers]]
-name = "right"
-channel = 2
-colour = "red"
-[platter]
-kind = "aruco"
-dictionary = "DICT_4X4_50"
-marker_mm = 20.0
-ids = [0, 1, 2, 3, 4, 5]
-[simulation]
-dialect = "horus"
-object = "sphere"
-width = {width}
-height = {height}
-rate = {rate}
-"""
 _RADIUS_MM = 30.0
 _ABOVE_MM = 3.0
 _PATIENCE_S = 300.0
@@ -69,7 +44,13 @@ class KilledServer:
         self.scans = folder / "scans"
         self._folder, self._bench = folder, folder / "bench.toml"
         folder.mkdir(parents=True, exist_ok=True)
-        self._bench.write_text(_BENCH.format(width=size[0], height=size[1], rate=rate))
+        width, height = size
+        self._bench.write_text(
+            simulated_bench(
+                {"dialect": "horus", "object": "sphere", "width": width, "height": height, "rate": rate},
+                marker_mm=20.0,
+            )
+        )
         with socket.socket() as free:
             free.bind(("127.0.0.1", 0))
             self._port = int(free.getsockname()[1])

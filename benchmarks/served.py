@@ -8,25 +8,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from benchmarks.bench_text import simulated_bench
 from benchmarks.journeys import wait_until_ready
 
-_BENCH = """
-name = "simulated bench"
-[turntable]
-driver = "simulated"
-[camera]
-driver = "simulated"
-[[lasers]]
-name = "left"
-channel = 1
-colour = "red"
-[[lasers]]
-name = "right"
-channel = 2
-colour = "red"
-[simulation]
-dialect = "horus"
-"""
 _FAREWELL_S = 30.0
 
 
@@ -38,9 +22,9 @@ def served(folder: Path, **simulation: str | float) -> Iterator[str]:
         folder: empty; for all that it keeps.
         simulation: further keys of the simulated bench, see `WorldPlan`; without others, of a ball.
     """
-    wanted: dict[str, str | float] = {"object": "sphere", **simulation}
+    wanted: dict[str, str | float] = {"dialect": "horus", "object": "sphere", **simulation}
     bench = folder / "bench.toml"
-    bench.write_text(_BENCH + "".join(f"{key} = {value!r}\n" for key, value in wanted.items()))
+    bench.write_text(simulated_bench(wanted, name="simulated bench", turntable=""))
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = int(free.getsockname()[1])

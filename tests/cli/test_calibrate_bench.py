@@ -11,27 +11,9 @@ from app.calibration.proof import Proof, ProofFinding, Verdict
 from app.calibration.record import CalibrationRecord
 from app.recording.reader import Recording
 from app.simulation.rig import standard_rig
+from benchmarks.bench_text import simulated_bench
 
-_BENCH = """
-[turntable]
-driver = "simulated"
-settle_s = 0.0
-[camera]
-driver = "simulated"
-[[lasers]]
-name = "left"
-channel = 1
-colour = "red"
-[[lasers]]
-name = "right"
-channel = 2
-colour = "red"
-[simulation]
-dialect = "horus"
-width = 480
-height = 360
-rate = 16.0
-"""
+_BENCH = simulated_bench({"dialect": "horus", "width": 480, "height": 360, "rate": 16.0})
 
 
 @pytest.fixture(scope="module")

@@ -6,33 +6,7 @@ from pathlib import Path
 import pytest
 from command_line import turnscan
 
-BENCH = """
-name = "small bench"
-[turntable]
-driver = "simulated"
-direction = "ccw"
-settle_s = 0.0
-[camera]
-driver = "simulated"
-[[lasers]]
-name = "left"
-channel = 1
-colour = "red"
-[[lasers]]
-name = "right"
-channel = {right}
-colour = "red"
-[platter]
-kind = "aruco"
-dictionary = "DICT_4X4_50"
-marker_mm = 14.0
-ids = [0, 1, 2, 3, 4, 5, 6, 7]
-[simulation]
-width = 640
-height = 360
-rate = 16.0
-{planted}
-"""
+from benchmarks.bench_text import simulated_bench
 
 
 @pytest.fixture
@@ -40,8 +14,14 @@ def bench_file(tmp_path: Path) -> Path:
     return tmp_path / "bench.toml"
 
 
-def plant(bench_file: Path, planted: str = "", right: int = 2) -> Path:
-    bench_file.write_text(BENCH.format(planted=planted, right=right))
+def plant(bench_file: Path, right: int = 2, **planted: bool) -> Path:
+    bench_file.write_text(
+        simulated_bench(
+            {"width": 640, "height": 360, "rate": 16.0, **planted},
+            name="small bench", turntable='direction = "ccw"\nsettle_s = 0.0\n', right=right,
+            marker_mm=14.0, markers=8,
+        )
+    )  # fmt: skip
     return bench_file
 
 
@@ -61,7 +41,7 @@ def test_a_healthy_bench_ends_well_and_in_a_report(bench_file: Path, tmp_path: P
 
 
 def test_a_fault_is_told_with_what_to_do_and_ends_with_1(bench_file: Path) -> None:
-    ended = turnscan("doctor", "--bench", plant(bench_file, "wrong_direction = true"), "--only", "turntable")
+    ended = turnscan("doctor", "--bench", plant(bench_file, wrong_direction=True), "--only", "turntable")
 
     assert ended.code == 1
     assert "wrong direction" in ended.said
@@ -84,9 +64,10 @@ def test_a_check_that_does_not_exist_is_refused(bench_file: Path) -> None:
 
 
 def test_a_board_that_is_not_there_leaves_what_can_be_looked_at(bench_file: Path, tmp_path: Path) -> None:
-    text = BENCH.format(planted="", right=2)
-    text = text.replace(
-        'driver = "simulated"\ndirection', f'driver = "horus"\nport = "{tmp_path}/none"\ndirection'
+    text = (
+        plant(bench_file)
+        .read_text()
+        .replace('driver = "simulated"\ndirection', f'driver = "horus"\nport = "{tmp_path}/none"\ndirection')
     )
     bench_file.write_text(text)
     ended = turnscan("doctor", "--bench", bench_file, "--only", "picture,turntable")

@@ -17,28 +17,11 @@ from app.simulation.clock import Clock
 from app.simulation.firmware.kernel import FIRMWARES
 from app.simulation.firmware.plant import Plant, Wiring
 from app.simulation.firmware.port import EmulatedPort
+from benchmarks.bench_text import simulated_bench
 
-_SIMULATED = """
-[turntable]
-driver = "simulated"
-settle_s = 0.0
-[camera]
-driver = "simulated"
-[[lasers]]
-name = "left"
-channel = 1
-colour = "red"
-[[lasers]]
-name = "right"
-channel = 2
-colour = "red"
-[simulation]
-dialect = "horus"
-object = "sphere"
-width = 320
-height = 240
-rate = 20.0
-"""
+_SIMULATED = simulated_bench(
+    {"dialect": "horus", "object": "sphere", "width": 320, "height": 240, "rate": 20.0}
+)
 _EMULATED = """
 [turntable]
 driver = "horus"

@@ -10,27 +10,12 @@ from pathlib import Path
 
 from app.api.versioned import API
 from app.serving.addresses import listening
+from benchmarks.bench_text import simulated_bench
 
 _ROOT = Path(__file__).resolve().parents[2]
 # Its simulated board keeps no other time than those in the tests' own processes.
 _PROGRAM = "import steady_time; from app.cli.main import main; main()"
 _PATIENCE_S = 120.0
-_BENCH = """
-[turntable]
-driver = "simulated"
-settle_s = 0.0
-[camera]
-driver = "simulated"
-[[lasers]]
-name = "left"
-channel = 1
-colour = "red"
-[[lasers]]
-name = "right"
-channel = 2
-colour = "red"
-[simulation]
-"""
 
 
 class MortalServer:
@@ -57,7 +42,7 @@ class MortalServer:
             simulation: keys of the simulated bench, see `WorldPlan`.
         """
         bench = self._folder / "bench.toml"
-        bench.write_text(_BENCH + "".join(f"{key} = {value!r}\n" for key, value in simulation.items()))
+        bench.write_text(simulated_bench(simulation))
         kept = {name: text for name, text in os.environ.items() if not name.startswith("TURNSCAN_")}
         kept["PYTHONPATH"] = os.pathsep.join((str(_ROOT), str(_ROOT / "tests")))
         command = [
