@@ -36,7 +36,7 @@ PictureSource = Callable[[], Image | None]
 
 _PULSE_S = 0.02
 _TURN_PERIOD_S = 0.05
-_CLOUD_PERIOD_S = 0.08
+_CLOUD_PERIOD_S = 0.05
 _PICTURE_PERIOD_S = 0.2
 _CLOSING_S = 10.0
 _PICKING_S = 20.0
@@ -47,7 +47,7 @@ class CloudView:
     """A scene that every viewer sees alike; each looks at it from where he likes.
 
     Every method returns at once and may be called from any thread; what was asked for is drawn in the order
-    of the calls. Points are sent every 0.08 s, the table turns up to 20 times a second.
+    of the calls. Points are sent every 0.05 s, the table turns up to 20 times a second.
 
     Args:
         table_radius_mm: of the turntable.
