@@ -10,13 +10,15 @@ from app.api.versioned import API
 
 # Machines ask for these by themselves, whether anybody is there or not.
 _UNATTENDED = ("/metrics", f"{API}/health", "/health")
-_WAYS = (f"{API}/live", f"{API}/events", "/view")
+_LIVE = f"{API}/live"
+_WAYS = (_LIVE, f"{API}/events", "/view")
 
 
 class Traffic:
     """Counts bytes by way (live, events, view, other) and notes signs of life; used in the event loop only.
 
-    A client is there while it asks for something, takes what is sent to it, or waits for a command's end.
+    Somebody is there who asks for something, takes live pictures, or waits for a command's end. News and the
+    3D view are taken by pages that nobody looks at, too, and by phones that have long been out of reach.
     """
 
     def __init__(self) -> None:
@@ -64,14 +66,21 @@ class TrafficCounted:
         is_command = is_attended and scope.get("method", "GET") not in ("GET", "HEAD", "OPTIONS")
 
         async def receiving() -> Message:
-            message = await receive()
+            if is_command:
+                # Whoever has not said all of it yet may have gone in the middle.
+                traffic.end_command()
+            try:
+                message = await receive()
+            finally:
+                if is_command:
+                    traffic.begin_command()
             if is_attended and not message["type"].endswith("disconnect"):
                 traffic.note()
             return message
 
         async def sending(message: Message) -> None:
             await send(message)
-            if is_attended:
+            if path.startswith(_LIVE):
                 traffic.note()
             traffic.count(
                 path, len(message.get("body") or message.get("bytes") or message.get("text") or b"")

@@ -10,8 +10,10 @@ from typing import Any
 import httpx2
 import pytest
 from running_server import SOON_S, Running, running_server, wait_until
+from starlette.types import Message, Receive, Scope, Send
 from websockets.asyncio.client import ClientConnection, connect
 
+from app.api.traffic import Traffic, TrafficCounted
 from app.devices.bench import Bench
 from app.devices.bench_file import read_bench_file, simulated_description
 from app.live.dead_man import DeadMan
@@ -215,6 +217,61 @@ def test_lasers_that_nobody_watches_go_off_and_those_that_are_watched_stay() -> 
         bench.switch("left", True)
         watch(lambda: time.monotonic() - 31.0, lambda: went_off == [("left",)])
         assert not bench.lasers_on
+
+
+def test_a_page_in_the_background_and_half_an_upload_are_nobody() -> None:
+    traffic, computing, computed, seen_s = Traffic(), asyncio.Event(), asyncio.Event(), 0.0
+
+    async def application(scope: Scope, receive: Receive, send: Send) -> None:
+        await send({"type": "http.response.body", "body": b"x"})
+        await receive()
+        computing.set()
+        await computed.wait()
+
+    def is_there() -> bool:
+        before_s = traffic.seen_s
+        while time.monotonic() <= before_s:
+            pass
+        return traffic.seen_s > before_s
+
+    async def sent(message: Message) -> None:
+        nonlocal seen_s
+        # Some time passes until it is on its way.
+        seen_s = traffic.seen_s
+        while time.monotonic() <= seen_s:
+            pass
+
+    async def asked(method: str, path: str) -> tuple[asyncio.Task[None], asyncio.Event]:
+        said = asyncio.Event()
+        computing.clear()
+        computed.clear()
+
+        async def receive() -> Message:
+            await said.wait()
+            return {"type": "http.request"}
+
+        scope = {"type": "http", "method": method, "path": f"/api/v1{path}"}
+        serving = asyncio.create_task(TrafficCounted(application, traffic)(scope, receive, sent))
+        await asyncio.sleep(0)
+        return serving, said
+
+    async def watch() -> None:
+        for path, looks in (("/events/stream", False), ("/live/raw.mjpeg", True)):
+            serving, said = await asked("GET", path)
+            assert (traffic.seen_s > seen_s) is looks, path
+            said.set()
+            computed.set()
+            await serving
+        serving, said = await asked("POST", "/scans/upload")
+        assert not is_there(), "the rest of the upload may never come"
+        said.set()
+        await computing.wait()
+        assert is_there(), "whoever has ordered something waits for it"
+        computed.set()
+        await serving
+        assert not is_there()
+
+    asyncio.run(watch())
 
 
 def test_another_bench_is_chosen_while_the_server_runs(server: Running) -> None:
