@@ -12,7 +12,7 @@ from app.calibration.record import CalibrationRecord
 from app.checkup.checkup import checkup, chosen
 from app.checkup.examination import Examination
 from app.devices.bench import Bench
-from app.errors import DeviceError, OutputError, PositionUnknown, ScannerError, TurnBrokenOff
+from app.errors import OutputError, PositionUnknown, ScannerError, TurnBrokenOff
 from app.jobs.estimate import pace_of
 from app.jobs.events import PointsAdded
 from app.jobs.runner import JobContext, Work
@@ -36,7 +36,7 @@ from app.surface.ply import PlyWriter
 from app.surface.preview import PreviewPainter
 
 CALIBRATION_FILE, CLOUD_FILE = "calibration.json", "cloud.ply"
-_GO_ON_HINT = "What was taken is kept. Free some space, then go on with the scan."
+_GO_ON_HINT = "What was taken is kept. Free some space, or make the disk writable; then go on with the scan."
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,23 +65,31 @@ class ScanOrder:
 def scan_work(
     bench: Bench,
     order: ScanOrder,
-    record: CalibrationRecord | None,
+    calibration: CalibrationRecord | None,
     on_profile: Callable[[Profile], None] | None = None,
     on_begin: Callable[[], None] | None = None,
 ) -> Work:
-    """Scan; then, where there is a calibration, the cloud beside the recording."""
+    """Scan; then, where there is a calibration, the cloud beside the recording.
+
+    A scan that is gone on with keeps the calibration that it was begun with, where it had one.
+    """
 
     def work(job: JobContext) -> Mapping[str, Any]:
+        record = _own(order) or calibration
         session = _begun(bench, order, record)
-        recovery = recovery_for(session, record, bench, order.patience_s)
-        if order.plan is None:
-            _place(bench, session, recovery, takes_target=order.takes_target)
-        job.on_cancel(lambda: _stop(bench))
-        shots_before = session.shots
-        if on_begin is not None:
-            on_begin()
-        log = ScanLog(order.folder)
+        shots_before, log = session.shots, ScanLog(order.folder)
         with ExitStack() as stack:
+            # Whatever fails before the first picture: others may have the recording again.
+            stack.callback(session.writer.suspend)
+            if record is not None and not (order.folder / CALIBRATION_FILE).is_file():
+                record.save(order.folder / CALIBRATION_FILE)
+            recovery = recovery_for(session, record, bench, order.patience_s)
+            if order.plan is None:
+                _place(bench, session, recovery, takes_target=order.takes_target)
+            # A cancelled scan need not end its move.
+            job.on_cancel(bench.make_safe)
+            if on_begin is not None:
+                on_begin()
             stack.enter_context(log.following(session, record, bench.description.name))
             live = live_points_for(session, record, bench, on_profile, order.detector, order.options)
             if live is not None:
@@ -198,6 +206,11 @@ class _ScanWatch:
             self.job.progress(round(turned * session.done), round(turned), "turning")
 
 
+def _own(order: ScanOrder) -> CalibrationRecord | None:
+    path = order.folder / CALIBRATION_FILE
+    return CalibrationRecord.load(path) if order.plan is None and path.is_file() else None
+
+
 def _begun(bench: Bench, order: ScanOrder, record: CalibrationRecord | None) -> ScanSession:
     if order.plan is None:
         # Where the table stands is found out below.
@@ -213,10 +226,7 @@ def _begun(bench: Bench, order: ScanOrder, record: CalibrationRecord | None) -> 
         with suppress(OSError):
             order.folder.rmdir()
         raise
-    session = ScanSession.create(order.folder, order.plan, bench, order.bench_spec)
-    if record is not None:
-        record.save(order.folder / CALIBRATION_FILE)
-    return session
+    return ScanSession.create(order.folder, order.plan, bench, order.bench_spec)
 
 
 def _place(bench: Bench, session: ScanSession, recovery: Recovery, *, takes_target: bool) -> None:
@@ -258,11 +268,3 @@ def _reconstructed(
         "cloud": str(cloud), "points": report.points, "doubts": list(report.doubts),
         "drift": report.drift.as_json(),
     }  # fmt: skip
-
-
-def _stop(bench: Bench) -> None:
-    """A cancelled scan need not end its move."""
-    try:
-        bench.make_safe()
-    except DeviceError:
-        return

@@ -119,15 +119,15 @@ class JobRunner:
         return self._set_running(job_id, is_running=True, of=JobState.PAUSED, to=JobState.RUNNING)
 
     def ask_person(self, words: str) -> None:
-        """Have the job on the bench wait until a person has done this, and said so.
+        """Have the job in whose thread this is called wait until a person has done this, and said so.
 
         Raises:
-            DeviceRefused: no job is at work on the bench.
-            JobCancelled: in its thread, where it is cancelled instead.
+            DeviceRefused: it is no thread of a job.
+            JobCancelled: the job was cancelled instead.
         """
         with self._lock:
-            busy = [job for job in self._jobs.values() if job.needs_bench and job.thread is not None]
-            job = next((each for each in busy if not each.has_ended), None)
+            here = threading.current_thread()
+            job = next((each for each in self._jobs.values() if each.thread is here), None)
         if job is None:
             hint = "Start a scan: it says when to turn the table, and how far."
             raise DeviceRefused("turntable", f"is worked by hand ({words.rstrip('.')})", hint)
@@ -171,7 +171,14 @@ class JobRunner:
             self._end(job, JobState.CANCELLED)
             return self._shown(job.snapshot)
         for callback in callbacks:
-            callback()
+            if job.has_ended:
+                # The bench may be that of the next job by now.
+                break
+            try:
+                callback()
+            except ScannerError as error:
+                # The job ends nevertheless, at its next checkpoint.
+                _log.warning("while job %s was cancelled: %s", job_id, error.message)
         return job.snapshot
 
     def forget(self, job_id: str) -> JobSnapshot:

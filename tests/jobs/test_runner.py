@@ -57,6 +57,8 @@ def test_a_job_on_the_bench_waits_until_a_person_says_that_it_is_done(runner: Jo
     job = runner.submit("scan", "by hand", work, needs_bench=True)
     _wait(lambda: runner.job(job.id).asks)
     assert runner.job(job.id).waits_for == "Turn the table to 30 degrees, then confirm."
+    with pytest.raises(DeviceRefused, match="worked by hand"):
+        runner.ask_person("Whoever else moves the table does not have the job ask for it.")
     with pytest.raises(NotNow, match="does not ask"):
         runner.is_done_by_hand(job.id, "Turn the table to 20 degrees, then confirm.")
     runner.is_done_by_hand(job.id, runner.job(job.id).waits_for)
@@ -116,7 +118,11 @@ def test_a_paused_job_rests_at_its_checkpoint_until_it_is_resumed(runner: JobRun
 def test_cancelling_calls_who_can_stop_what_is_under_way(runner: JobRunner) -> None:
     stopped, began = threading.Event(), threading.Event()
 
+    def unplugged() -> None:
+        raise DeviceLost("table", "is gone")
+
     def work(job: JobContext) -> Mapping[str, Any]:
+        job.on_cancel(unplugged)
         job.on_cancel(stopped.set)
         began.set()
         assert stopped.wait(60.0)

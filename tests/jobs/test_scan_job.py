@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -94,6 +95,26 @@ def test_a_scan_can_rest_and_go_on_and_be_cancelled(
     ]
     for each in (*words, "Ended early with"):
         assert each in told
+
+
+def test_a_scan_that_is_gone_on_with_keeps_its_calibration(
+    runner: JobRunner, bench: Bench, record: CalibrationRecord, tmp_path: Path
+) -> None:
+    folder = tmp_path / "scan"
+
+    def ended(plan: ScanPlan | None, calibration: CalibrationRecord, *, is_cancelled: bool) -> JobSnapshot:
+        work = scan_work(bench, ScanOrder(folder, plan, "simulated"), calibration)
+        job = runner.submit("scan", "a ball", work, needs_bench=True)
+        if is_cancelled:
+            _wait(lambda: runner.job(job.id).done > 2)
+            runner.cancel(job.id)
+        return _ended(runner, job.id)
+
+    assert ended(_STEPS, record, is_cancelled=True).state is JobState.CANCELLED
+    job = ended(None, replace(record, lasers={}, axis=None), is_cancelled=False)
+    assert job.state is JobState.DONE, job.problem
+    assert job.result["points"] > 500
+    assert CalibrationRecord.load(folder / "calibration.json").lasers
 
 
 def test_a_checkup_job_reports(runner: JobRunner, bench: Bench, tmp_path: Path) -> None:

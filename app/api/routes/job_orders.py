@@ -457,11 +457,11 @@ def _submitted_scan(
         if order.plan is not None:
             served.library.rename(order.folder.name, title)
 
-    scan = scan_work(served.bench, order, served.calibration(), served.on_profile, begin)
-
     def work(job: JobContext) -> Mapping[str, Any]:
+        # The job before it may have been a calibration.
+        record = served.calibration()
         try:
-            return scan(job)
+            return scan_work(served.bench, order, record, served.on_profile, begin)(job)
         finally:
             served.on_scan_end()
 
