@@ -1,6 +1,8 @@
 """A recording as it grows: each frame is safe on disk, and noted, before the next one comes."""
 
 import contextlib
+import errno
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -236,8 +238,9 @@ class RecordingWriter:
         """Add a line to the journal, or leave the journal as it is."""
         before = self._journal.tell()
         try:
-            self._journal.write(line)
-            self._journal.flush()
+            if self._journal.write(line) != len(line):
+                # A disk that fills up takes a part of it, and complains the next time only.
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         except OSError as error:
             with contextlib.suppress(OSError):
                 self._journal.truncate(before)

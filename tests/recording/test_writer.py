@@ -1,5 +1,6 @@
 """What is written is read back, whatever happens in between."""
 
+import sys
 import tempfile
 from pathlib import Path
 
@@ -164,6 +165,25 @@ def test_a_full_disk_is_one_sentence_and_leaves_whole_frames(
     assert [path.name for path in (tmp_path / "frames").iterdir()] == ["000000.png"]
     writer.append(scan(2))
     assert len(writer.close().entries) == 2
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no file can be kept from growing there")
+def test_a_line_of_which_the_disk_takes_a_part_leaves_the_journal_whole(tmp_path: Path) -> None:
+    import resource
+
+    writer = RecordingWriter.create(tmp_path, header())
+    writer.append(scan(0))
+    before, limits = (tmp_path / JOURNAL_FILE).stat().st_size, resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (before + 20, limits[1]))
+    try:
+        with pytest.raises(OutputError, match="no space left on device"):
+            writer.append(scan(1))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert (tmp_path / JOURNAL_FILE).stat().st_size == before
+    writer.append(scan(2))
+    writer.suspend()
+    assert len(Recording.open(tmp_path).entries) == 2
 
 
 @pytest.mark.parametrize(
