@@ -149,6 +149,8 @@ class Turnscan:
                         "Content-Type": "application/octet-stream",
                         "Content-Length": str(source.stat().st_size),
                     },
+                    # All of a large scan is checked before it is answered.
+                    timeout=httpx.Timeout(60.0, connect=5.0, read=600.0),
                 )
             except httpx.HTTPError as error:
                 raise _silence(error) from error

@@ -35,10 +35,11 @@ class Follower:
         self._view.show_pictures(None)
 
     def _run(self) -> None:
-        way = math.radians(1.0 if self._bench.description.turntable.direction == "ccw" else -1.0)
         while not self._is_over.wait(_PERIOD_S):
             if self._view.viewers:
                 snapshot = self._bench.snapshot()
+                # Another bench may have been chosen.
+                way = math.radians(1.0 if self._bench.description.turntable.direction == "ccw" else -1.0)
                 self._view.turn_to(way * snapshot.angle_deg)
                 self._view.light(snapshot.lasers_on)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from app.devices.bench import Bench
 from app.devices.bench_file import BenchDescription, parse_bench, write_bench_file
 from app.errors import DeviceError, OutputError
-from app.files import reason
+from app.files import reason, write_whole
 from app.live.pictures import LivePictures
 
 
@@ -17,7 +17,7 @@ class BenchChoice:
 
     Args:
         spec: a bench file, or `simulated`.
-        file: where a bench that is chosen here is written; one that is there already is renamed.
+        file: where a bench that is chosen here is written; one that is there already is kept as another.
         bench, live: which go on with the new devices.
         on_change: told when there are other devices, connected as far as they can be.
     """
@@ -59,9 +59,11 @@ class BenchChoice:
         if self._file.exists():
             former = self._file.with_name(f"{self._file.stem}-until-{datetime.now(UTC):%Y%m%dT%H%M%S}.toml")
             try:
-                self._file.rename(former)
+                data = self._file.read_bytes()
             except OSError as error:
                 raise OutputError(str(self._file), reason(error)) from error
+            # The file itself stays until there is another in its place.
+            write_whole(former, data)
         write_bench_file(self._file, text)
 
     def _connected(self) -> str:

@@ -111,7 +111,8 @@ class ScannerMetrics(Collector):
         for job in jobs:
             if job.state.has_ended and job.ended is not None and job.id not in self._counted:
                 self._ended[job.kind, job.state] += 1
-                self._worked_s[job.kind] += (job.ended - job.created).total_seconds()
+                # The clock may have been set back meanwhile.
+                self._worked_s[job.kind] += max(0.0, (job.ended - job.created).total_seconds())
         self._counted = {job.id for job in jobs if job.state.has_ended}
         ended = CounterMetricFamily("turnscan_jobs_ended", "Jobs that ended.", labels=["kind", "state"])
         for (kind, how), count in self._ended.items():

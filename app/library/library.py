@@ -80,6 +80,8 @@ class Library:
             return self._index.item(name)
         except FileNotFoundError as error:
             raise ScanNotFound(f"{folder} holds no scan.") from error
+        except OSError as error:
+            raise OutputError(str(folder), reason(error), "Make its folder readable.") from error
 
     def folder_of(self, name: str) -> Path:
         """Where a scan lies, without looking at what it is. Raises ScanNotFound."""
