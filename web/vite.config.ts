@@ -27,7 +27,14 @@ function packed(): Plugin {
 export default defineConfig({
   plugins: [svelte(), packed()],
   // The policy of the page allows nothing inline, no data in place of files either.
-  build: { target: "es2022", assetsInlineLimit: 0, modulePreload: { polyfill: false } },
+  build: {
+    target: "es2022",
+    assetsInlineLimit: 0,
+    modulePreload: { polyfill: false },
+    // A few files instead of forty: each is asked for by itself, of a machine that may be small.
+    cssCodeSplit: false,
+    rolldownOptions: { output: { codeSplitting: { groups: [{ name: "shared", minShareCount: 2 }] } } },
+  },
   server: {
     proxy: {
       "/api": {

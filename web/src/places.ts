@@ -1,7 +1,8 @@
-/** The five places, each fetched when it is first gone to. */
+/** The five places: the first comes with the page, each other is fetched when it is first gone to. */
 import type { Component } from "svelte";
 import type { JobOut } from "./api/schema.gen";
 import type { Key } from "./i18n/index.svelte";
+import ScanPlace from "./places/scan/ScanPlace.svelte";
 import type { PlaceName } from "./router.svelte";
 import type { IconName } from "./ui/icons";
 
@@ -13,7 +14,7 @@ export interface Place {
 }
 
 export const places: readonly Place[] = [
-  { name: "scan", label: "shell.scan", icon: "scan", load: () => import("./places/scan/ScanPlace.svelte") },
+  { name: "scan", label: "shell.scan", icon: "scan", load: () => Promise.resolve({ default: ScanPlace }) },
   {
     name: "adjust",
     label: "shell.adjust",

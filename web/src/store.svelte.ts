@@ -54,6 +54,8 @@ export const readScans = oneAtATime(async () =>
 
 /** Follow the server until the returned function is called. */
 export function follow(): () => void {
+  // Asked for while the line is still being made.
+  void readScans();
   return listen({
     onFound() {
       dispatch({ type: "link-found" });

@@ -16,12 +16,11 @@ export function stateOf(job: JobOut | undefined): CalibrationState | null {
   return job && known?.job_id === job.id ? known : null;
 }
 
-/** Asks how it goes; news that came meanwhile are newer and stay. */
-export async function readState(job: JobOut): Promise<void> {
+/** Asks how it goes; news that came meanwhile are newer and stay. Of an older run the server knows nothing. */
+export async function readState(): Promise<void> {
   const before = app.now.calibration;
-  const path = { job_id: job.id };
-  const calibration = await asked(api.GET("/api/v1/calibrate/{job_id}", { params: { path } }));
-  if (app.now.calibration === before) tellState(calibration);
+  const calibration = await asked(api.GET("/api/v1/calibrate/latest"));
+  if (calibration && app.now.calibration === before) tellState(calibration);
 }
 
 /** Takes in an answer as if it were news. */
