@@ -15,6 +15,8 @@ from app.vision.stripe import StripeDetector
 PROOF_KEY = "proof"
 """Where a calibration file keeps what the proof found."""
 
+_NO_PROOF = "The calibration could not be proved."
+
 
 def solve_captured(
     captured: Captured, detector: StripeDetector, plan: CalibrationPlan, show: OnProgress
@@ -42,7 +44,7 @@ def solve_captured(
         )  # fmt: skip
         proof = prove(evidence, outcome.record)
     except CalibrationError as error:
-        doubt = f"The calibration could not be proved. {error.message} {error.hint}"
+        doubt = " ".join((_NO_PROOF, error.message, error.hint)).strip()
         return replace(outcome, doubts=(*outcome.doubts, doubt)), None
     bad = tuple(f"{f.words} {f.advice}" for f in proof.findings if f.verdict is Verdict.BAD)
     record = replace(outcome.record, extra={**outcome.record.extra, PROOF_KEY: proof.as_json()})

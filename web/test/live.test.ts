@@ -1,6 +1,8 @@
 import { deflateSync } from "node:zlib";
-import { expect, test } from "vitest";
-import { litPixels, unpack } from "../src/api/live";
+import { afterEach, expect, test, vi } from "vitest";
+import { litPixels, unpack, watch } from "../src/api/live";
+
+afterEach(() => vi.unstubAllGlobals());
 
 /** As `app/live/picture.py` packs it. */
 function message(code: number, facts: object, body: Uint8Array): ArrayBuffer {
@@ -40,4 +42,25 @@ test("a message of another version is refused", () => {
   const bytes = new Uint8Array(message(0, {}, new Uint8Array()));
   bytes[1] = 2;
   expect(() => unpack(bytes.buffer)).toThrow();
+});
+
+test("whoever leaves before the line is there does not break it off, which the console would complain of", () => {
+  const made: { readyState: number; onopen?: () => void; close: ReturnType<typeof vi.fn> }[] = [];
+  class Line {
+    static CONNECTING = 0;
+    readyState = 0;
+    onopen?: () => void;
+    close = vi.fn();
+    constructor() {
+      made.push(this);
+    }
+  }
+  vi.stubGlobal("WebSocket", Line);
+  vi.stubGlobal("location", { protocol: "http:", host: "here" });
+  const page = { visibilityState: "visible", addEventListener: vi.fn(), removeEventListener: vi.fn() };
+  vi.stubGlobal("document", page);
+  watch({ kind: "raw", show: () => {} })();
+  expect(made[0]?.close).not.toHaveBeenCalled();
+  made[0]?.onopen?.();
+  expect(made[0]?.close).toHaveBeenCalled();
 });

@@ -53,8 +53,11 @@ def try_table(served: Served) -> TriedOut:
         reached = bench.turntable.move_to(start + _TRY_DEG)
         back = bench.turntable.move_to(start)
     served.runner.bus.publish(BenchChanged())
-    said = f"The board says that the table turned from {start:.1f} to {reached:.1f} and back to {back:.1f}"
-    return TriedOut(ok=True, said=[f"{said} degrees."])
+    said = (
+        f"The board says that the table turned from {start:.1f} to {reached:.1f} "
+        f"and back to {back:.1f} degrees."
+    )
+    return TriedOut(ok=True, said=[said])
 
 
 @router.post("/lasers")

@@ -25,6 +25,18 @@ export interface LiveFacts {
   parts?: number;
   stripes?: [laser: string, orientation: "vertical" | "horizontal", points: number][];
   mask_size?: [number, number];
+  /** With the stripe: what belongs where, in pixels of the camera's own picture. */
+  marks?: LiveMarks;
+}
+
+type Spot = [x: number, y: number];
+
+export interface LiveMarks {
+  outlines: Spot[][];
+  /** Corners of the calibration board, as far as they were found. */
+  board: [number: number, ...Spot][];
+  /** The four corners of each marker on the table. */
+  markers: [number: number, corners: Spot[]][];
 }
 
 /** A stripe in pieces without a gap; positions alternate x, y in pixels of the camera's picture. */
@@ -142,7 +154,9 @@ export function watch(options: LiveOptions): () => void {
     clearTimeout(timer);
     const mine = socket;
     socket = undefined;
-    mine?.close();
+    // One that is broken off before it was open is an error to the browser's console.
+    if (mine?.readyState === WebSocket.CONNECTING) mine.onopen = () => mine.close();
+    else mine?.close();
   }
 
   const onVisibility = () => (document.visibilityState === "visible" ? open() : close());

@@ -7,6 +7,7 @@ import { hasEnded } from "../state";
 import { onNews } from "../store.svelte";
 import { allowChime, chime } from "./chime";
 import { tellInTitle } from "./ended.svelte";
+import { titleOf } from "./title";
 
 export function tellOfEnds(): () => void {
   const ends = [allowChime(), listen()];
@@ -21,7 +22,8 @@ function listen(): () => void {
     if (news.type !== "job-changed" || !hasEnded(news.job)) return;
     const known = before.jobs.find((each) => each.id === news.job.id);
     if (!known || hasEnded(known)) return;
-    const { title, problem, state } = news.job;
+    const { problem, state } = news.job;
+    const title = titleOf(news.job);
     if (state === "done") {
       const sentence = t("shell.done", { title });
       tell({ tone: "success", sentence });
@@ -40,5 +42,14 @@ function notify(sentence: string) {
   tellInTitle(sentence);
   if (!preferences.now.notify || document.visibilityState === "visible") return;
   if (!("Notification" in window) || Notification.permission !== "granted") return;
-  new Notification("Turnscan", { body: sentence, icon: "/icons/icon-192.png", lang: language.now });
+  try {
+    const shown = new Notification("Turnscan", {
+      body: sentence,
+      icon: "/icons/icon-192.png",
+      lang: language.now,
+    });
+    shown.onclick = () => window.focus();
+  } catch {
+    // Browsers of phones have the name of it, but want a worker for it.
+  }
 }

@@ -5,6 +5,5 @@ export type Corner = readonly [x: number, y: number];
 
 /** Corners of the calibration board in pixels of the camera's picture; none where it was not found. */
 export function boardIn(facts: LiveFacts): Corner[] {
-  const { marks } = facts as LiveFacts & { marks?: { board?: [id: number, x: number, y: number][] } };
-  return (marks?.board ?? []).map(([, x, y]) => [x, y]);
+  return (facts.marks?.board ?? []).map(([, x, y]) => [x, y]);
 }
