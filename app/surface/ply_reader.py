@@ -22,6 +22,8 @@ _TYPES = {
     "float32": "f4", "float64": "f8",
 }  # fmt: skip
 _LASER_COMMENT = "laser "
+# Rounding makes no more; other programs leave the area of a triangle in a normal's length.
+_UNIT_WITHIN = 1e-3
 _LINES_AT_ONCE = 65_536
 _Columns: TypeAlias = dict[str, NDArray[np.generic]]
 
@@ -51,7 +53,8 @@ def read_ply(path: Path) -> PointCloud:
     """The vertices of a PLY file; faces and everything else are passed over.
 
     Only x, y and z must be there. Missing normals are zero, missing colours 200 grey, a missing sigma NaN, a
-    missing quality one. Colours stored as floats are taken to run from 0 to 1, as 16 bits to 65535.
+    missing quality one. Normals of another length are made unit vectors. Colours stored as floats are taken
+    to run from 0 to 1, as 16 bits to 65535.
 
     Raises:
         PointCloudFileError: it is no PLY file, is cut short, or a position is not finite.
@@ -99,8 +102,12 @@ class PlyFile:
         points = next((element.count for element in header.elements if element.name == "vertex"), 0)
         return cls(path, points, header.laser_names, not header.order)
 
-    def pieces(self, most: int | None = 65_536) -> Iterator[PointCloud]:
+    def pieces(self, most: int | None = 65_536, *, allows_nowhere: bool = False) -> Iterator[PointCloud]:
         """The vertices as `read_ply` has them, at most so many at a time, so that any file goes through.
+
+        Args:
+            most: vertices at a time; all at once for None.
+            allows_nowhere: positions may be not finite, as other programs write them for pixels without one.
 
         Raises:
             PointCloudFileError: as `read_ply`, in the piece where it shows.
@@ -110,8 +117,11 @@ class PlyFile:
             with self.path.open("rb") as file:
                 header = _read_header(file, self.path)
                 for columns in _read_columns(file, header, self.path, most):
-                    yield _cloud(columns, header.laser_names, self.path, done)
-                    done += len(columns["x"])
+                    cloud = _cloud(columns, header.laser_names)
+                    if not allows_nowhere:
+                        _refuse_nowhere(cloud, self.path, done)
+                    yield cloud
+                    done += len(cloud)
         except OSError as error:
             raise PointCloudFileError(str(self.path), reason(error)) from error
 
@@ -266,7 +276,13 @@ def _typed(values: NDArray[np.float64], kind: _Property, path: Path) -> NDArray[
     return values.astype(kind.type)
 
 
-def _cloud(columns: _Columns, lasers: tuple[str, ...], path: Path, first: int) -> PointCloud:
+def _refuse_nowhere(cloud: PointCloud, path: Path, first: int) -> None:
+    bad = np.flatnonzero(~np.isfinite(cloud.points).all(axis=1))
+    if len(bad):
+        raise PointCloudFileError(str(path), f"vertex {first + bad[0]} has a position that is not finite")
+
+
+def _cloud(columns: _Columns, lasers: tuple[str, ...]) -> PointCloud:
     n = len(columns["x"])
 
     def floats(name: str, missing: float) -> NDArray[np.float32]:
@@ -285,11 +301,11 @@ def _cloud(columns: _Columns, lasers: tuple[str, ...], path: Path, first: int) -
         return np.clip(np.rint(mixed), 0, 255).astype(np.uint8)
 
     points = np.column_stack([floats(name, 0.0) for name in "xyz"])
-    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-    if len(bad):
-        raise PointCloudFileError(str(path), f"vertex {first + bad[0]} has a position that is not finite")
     normals = np.column_stack([floats(name, 0.0) for name in ("nx", "ny", "nz")])
     normals[~np.isfinite(normals).all(axis=1)] = 0.0
+    lengths = np.linalg.norm(normals.astype(np.float64), axis=1)
+    is_odd = (np.abs(lengths - 1.0) > _UNIT_WITHIN) & (lengths > 0.0)
+    normals[is_odd] = normals[is_odd] / lengths[is_odd, None]
     colours = np.column_stack([colour(name) for name in ("red", "green", "blue")])
     laser = np.clip(np.nan_to_num(floats("laser", 0.0)), 0, 255).astype(np.uint8)
     return PointCloud(

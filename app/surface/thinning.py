@@ -18,12 +18,19 @@ class Read:
     """A cloud from a file.
 
     Attributes:
-        cloud: evenly chosen points where there are too many.
+        cloud: evenly chosen points where there are too many; some may be not finite.
         points: that the file has.
     """
 
     cloud: PointCloud
     points: int
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """A sentence for the person where points were left out."""
+        if len(self.cloud) == self.points:
+            return ()
+        return (f"Of {self.points:,} points an even choice of {len(self.cloud):,} is used.",)
 
 
 def read_thinned(path: Path, most: int = MOST_POINTS) -> Read:
@@ -35,7 +42,7 @@ def read_thinned(path: Path, most: int = MOST_POINTS) -> Read:
     file = PlyFile.open(path)
     step = max(1, -(-file.points // most))
     kept, done = [], 0
-    for piece in file.pieces():
+    for piece in file.pieces(allows_nowhere=True):
         which = np.arange(-done % step, len(piece), step)
         kept.append(piece if step == 1 else piece.select(which))
         done += len(piece)

@@ -109,6 +109,15 @@ def test_a_bad_body_is_named(tmp_path: Path, body: bytes, problem: str) -> None:
         read_ply(written(tmp_path, f"{V}2\n{XYZ}", body))
 
 
+def test_normals_of_any_length_become_unit_vectors(tmp_path: Path) -> None:
+    body = b"1 2 3 0 0 5\n4 5 6 0 0 0\n7 8 9 nan 0 1\n1 1 1 3e38 3e38 0\n"
+    cloud = read_ply(
+        written(tmp_path, f"{V}4\n{XYZ}" + "".join(f"property float n{k}\n" for k in "xyz"), body)
+    )
+    half = 0.5**0.5
+    assert_allclose(cloud.normals, [[0, 0, 1], [0, 0, 0], [0, 0, 0], [half, half, 0]], atol=1e-6)
+
+
 def test_a_colour_that_does_not_fit_is_named(tmp_path: Path) -> None:
     with pytest.raises(PointCloudFileError, match="'red'"):
         read_ply(written(tmp_path, f"{V}1\n{XYZ}property uchar red\n", b"1 2 3 256\n"))

@@ -8,7 +8,9 @@ import numpy as np
 from app.errors import PointCloudFileError
 from app.geometry.cloud import PointCloud
 from app.geometry.mesh import TriangleMesh
+from app.surface.neighbours import is_finite
 from app.surface.ply_reader import PlyFile
+from app.surface.thinning import read_thinned
 
 Thing: TypeAlias = PointCloud | TriangleMesh
 
@@ -53,18 +55,14 @@ def read_thing(path: Path, most: int = MOST_POINTS) -> Thing:
 
 
 def read_cloud(path: Path, most: int = MOST_POINTS) -> PointCloud:
-    """The points of a PLY file; of more than `most` every so many-th is taken.
+    """The finite points of a PLY file; of more than `most` every so many-th is taken.
 
     Raises:
         PointCloudFileError: it cannot be read.
     """
-    file = PlyFile.open(path)
-    step = max(1, -(-file.points // most))
-    kept, done = [PointCloud.empty(file.laser_names)], 0
-    for piece in file.pieces():
-        kept.append(piece.select(np.arange(-done % step, len(piece), step)) if step > 1 else piece)
-        done += len(piece)
-    return PointCloud.joined(kept)
+    cloud = read_thinned(path, most).cloud
+    known = is_finite(cloud.points)
+    return cloud if known.all() else cloud.select(known)
 
 
 def points_of(thing: Thing) -> PointCloud:
