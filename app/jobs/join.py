@@ -38,25 +38,29 @@ def join_work(library: Library, parts: Sequence[tuple[str, str]], options: JoinO
             job.checkpoint()
             job.progress(round(_PARTS * (_READING + _JOINING * share)), _PARTS, words)
 
-        clouds, most = [], MOST_POINTS // len(parts)
+        clouds, names, notes, most = [], [], list[str](), MOST_POINTS // len(parts)
         for number, (scan, cloud) in enumerate(parts):
             job.checkpoint()
             job.progress(round(_PARTS * _READING * number / len(parts)), _PARTS, "reading")
-            clouds.append(read_thinned(cloud_of(library.scan(scan), cloud), most).cloud)
-        joined = join(clouds, options, progress)
+            item = library.scan(scan)
+            names.append(repr(item.title))
+            read = read_thinned(cloud_of(item, cloud), most)
+            clouds.append(read.cloud)
+            notes += read.notes
+        joined = join(clouds, options, progress, names)
         job.checkpoint()
         job.progress(round(_PARTS * (_READING + _JOINING)), _PARTS, "writing")
-        facts = _facts(parts, joined)
+        facts = _facts(parts, joined, notes)
         how = {"made_by": "joined", "options": options.model_dump(mode="json"), **facts}
-        names = " and ".join(scan for scan, _ in parts)
-        words = f"Joined of {names}: {len(joined.cloud)} points, residual {joined.residual_mm:.3f} mm."
+        came_to = f"{len(joined.cloud)} points, residual {joined.residual_mm:.3f} mm"
+        words = f"Joined of {' and '.join(names)}: {came_to}."
         made = new_scan(library, title, joined.cloud, how, words)
         return {"scan": made.name, "cloud": made.clouds[-1].name, **facts}
 
     return work
 
 
-def _facts(parts: Sequence[tuple[str, str]], joined: "Joined") -> dict[str, Any]:
+def _facts(parts: Sequence[tuple[str, str]], joined: "Joined", notes: Sequence[str]) -> dict[str, Any]:
     placements = [
         {
             "scan": scan, "cloud": cloud, "pose": _matrix(placed.pose), "residual_mm": placed.residual_mm,
@@ -66,7 +70,7 @@ def _facts(parts: Sequence[tuple[str, str]], joined: "Joined") -> dict[str, Any]
     ]  # fmt: skip
     return {
         "points": len(joined.cloud), "residual_mm": joined.residual_mm, "placements": placements,
-        "notes": list(joined.notes), "doubts": list(joined.doubts),
+        "notes": [*notes, *joined.notes], "doubts": list(joined.doubts),
     }  # fmt: skip
 
 

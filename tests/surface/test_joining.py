@@ -74,6 +74,7 @@ def test_a_joined_cloud_is_in_the_first_scans_frame_without_the_table(
     # Such a cloud does not stand on the table, and was not seen from one side at each angle.
     assert not joined.cloud.laser_names
     assert not joined.cloud.angle_deg.any()
+    assert not joined.cloud.laser.any()
     assert np.allclose(np.linalg.norm(joined.cloud.normals, axis=1), 1.0, atol=1e-3)
 
 
@@ -165,6 +166,8 @@ def test_strange_clouds_are_refused_or_cleaned(scans: tuple[PointCloud, ...]) ->
     copies = cloud_of(np.tile([1.0, 2.0, 30.0], (1_000_000, 1)))
     with pytest.raises(SurfaceError, match="Scan 2 has points at 1 different places"):
         join([good, copies])
+    with pytest.raises(SurfaceError, match=r"copies\.ply has points at 1 different places"):
+        join([good, copies], names=("good.ply", "copies.ply"))
     with pytest.raises(SurfaceError, match="Scan 1 has points at 0 different places"):
         join([PointCloud.empty(), good])
     with pytest.raises(SurfaceError, match="no scan"):
@@ -185,7 +188,10 @@ def test_scans_of_another_program_are_joined_without_normals_and_angles(
     foreign = []
     for scan in scans[:2]:
         thing = scan.select(np.flatnonzero(scan.points[:, 2] > 1.0))
-        foreign.append(cloud_of(thing.points.astype(np.float64), sigma_mm=np.nan))
-    joined = join([replace(cloud, laser_names=()) for cloud in foreign])
+        # A stray point far away makes nothing larger.
+        points = np.vstack([thing.points, [3e5, -2e5, 40.0]])
+        foreign.append(replace(cloud_of(points, sigma_mm=np.nan), laser_names=()))
+    joined = join(foreign, names=("one.ply", "other.ply"))
     assert _error_mm(joined, poses, 1) <= _ENOUGH_MM
     assert np.isnan(joined.cloud.sigma_mm).all()
+    assert np.abs(joined.cloud.points).max() < 200.0

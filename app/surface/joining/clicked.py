@@ -31,7 +31,7 @@ def clicked_pose(pairs: Sequence[PairedPlaces], name: str) -> RigidTransform:
     there = np.array([pair.there for pair in pairs])
     if min(_spread(here), _spread(there)) < _LEAST_SPREAD:
         raise SurfaceError(
-            f"The pairs of places of {name.lower()} lie on a line.", "Show one more place, beside that line."
+            f"The pairs of places of {name} lie on a line.", "Show one more place, beside that line."
         )
     return best_motion(here, there)
 

@@ -10,6 +10,8 @@ from scipy.ndimage import binary_dilation, distance_transform_edt
 from app.geometry.arrays import Floats, Points, Vector3
 from app.surface.joining.sample import Sample
 
+# Of what lies far apart for its size, the cells are larger: about 20 bytes each.
+_MOST_CELLS = 20_000_000
 _CARVED_FROM = 2.0
 _CARVED_STEP = 0.7
 
@@ -35,7 +37,9 @@ class Field:
     @classmethod
     def around(cls, sample: Sample, cell_mm: float, margin_mm: float) -> Self:
         low = sample.points.min(axis=0) - margin_mm
-        shape = np.ceil((sample.points.max(axis=0) + margin_mm - low) / cell_mm).astype(int) + 1
+        span = sample.points.max(axis=0) + margin_mm - low
+        cell_mm = max(cell_mm, float(np.cbrt(np.prod(span) / _MOST_CELLS)))
+        shape = np.ceil(span / cell_mm).astype(int) + 1
         where = tuple(((sample.points - low) / cell_mm).astype(int).T)
         number = np.full(shape, -1, np.int32)
         number[where] = np.arange(len(sample), dtype=np.int32)

@@ -19,8 +19,8 @@ _NOISES, _SPACINGS = 4.0, 3.0
 def in_one_frame(clouds: Sequence[PointCloud], poses: Sequence[RigidTransform]) -> PointCloud:
     """All points of all clouds in the frame of the first.
 
-    From where they were seen is told in their own frames and is left out, and so are the lasers' names: a
-    cloud that has them stands on the table.
+    From where they were seen is told in their own frames and is left out, and so are the lasers: a cloud that
+    names them stands on the table, and their errors lie in the frame of each scan.
     """
     moved = []
     for cloud, pose in zip(clouds, poses, strict=True):
@@ -29,7 +29,8 @@ def in_one_frame(clouds: Sequence[PointCloud], poses: Sequence[RigidTransform]) 
                 cloud,
                 points=(pose @ cloud.points.astype(np.float64)).astype(np.float32),
                 normals=(cloud.normals.astype(np.float64) @ pose.rotation.T).astype(np.float32),
-                angle_deg=np.zeros(len(cloud), np.float32),
+                angle_deg=np.zeros_like(cloud.angle_deg),
+                laser=np.zeros_like(cloud.laser),
                 laser_names=(),
             )
         )
@@ -56,7 +57,7 @@ def fuse(clouds: Sequence[PointCloud], poses: Sequence[RigidTransform], reach_mm
     shift = np.zeros((len(whole), 3))
     colours = whole.colours * information[:, None]
     normals = whole.normals * information[:, None]
-    nearest = np.full((len(clouds), len(whole)), -1, np.intp)
+    nearest = np.full((len(clouds), len(whole)), -1, np.int32)
     for one, other in permutations(range(len(clouds)), 2):
         pairs = _beside(Partners.between(samples[one], poses[one], searched[other], poses[other], reach_mm))
         mine, theirs = first[one] + pairs.which, first[other] + pairs.theirs
@@ -88,7 +89,7 @@ def _beside(pairs: Partners) -> Partners:
     )
 
 
-def _is_second(nearest: NDArray[np.intp], first: NDArray[np.intp]) -> NDArray[np.bool_]:
+def _is_second(nearest: NDArray[np.int32], first: NDArray[np.intp]) -> NDArray[np.bool_]:
     """(N,) which points have one in an earlier cloud, and are the one nearest to it in their own.
 
     Args:

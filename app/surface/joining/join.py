@@ -64,7 +64,10 @@ class Joined:
 
 
 def join(
-    clouds: Sequence[PointCloud], options: JoinOptions | None = None, progress: Progress | None = None
+    clouds: Sequence[PointCloud],
+    options: JoinOptions | None = None,
+    progress: Progress | None = None,
+    names: Sequence[str] = (),
 ) -> Joined:
     """Lay scans on each other, whichever way the thing stood, and make one cloud of them.
 
@@ -72,6 +75,7 @@ def join(
         clouds: raw, each in the frame of its own table.
         options: all usual where absent.
         progress: told how far it is.
+        names: what people know the clouds by, for messages; `Scan 1` and so on where there are none.
 
     Raises:
         SurfaceError: a scan has too few points, or shows nothing that the others show.
@@ -82,9 +86,10 @@ def join(
         raise SurfaceError("There is no scan to join.", "Name two scans or more.")
     _refuse_strange_pairs(options.pairs, len(clouds))
     tell("looking at the scans", 0.0)
-    things = [usable(cloud, _name(number)) for number, cloud in enumerate(clouds)]
+    names = names or [f"Scan {number + 1}" for number in range(len(clouds))]
+    things = [usable(cloud, name) for cloud, name in zip(clouds, names, strict=True)]
     samples = [Sample.of(thing) for thing in things]
-    poses, doubts = _placed(samples, options.pairs, tell)
+    poses, doubts = _placed(samples, names, options.pairs, tell)
     tell("aligning finely", 0.6)
     fine, cell = _fine(samples, options.cell_mm)
     links = _links(fine, poses, _REACH_CELLS[0] * cell)
@@ -103,10 +108,6 @@ def join(
     )  # fmt: skip
 
 
-def _name(number: int) -> str:
-    return f"Scan {number + 1}"
-
-
 def _refuse_strange_pairs(pairs: Sequence[PairedPlaces], count: int) -> None:
     for pair in pairs:
         if pair.cloud >= count:
@@ -117,7 +118,7 @@ def _refuse_strange_pairs(pairs: Sequence[PairedPlaces], count: int) -> None:
 
 
 def _placed(
-    samples: Sequence[Sample], pairs: Sequence[PairedPlaces], tell: Progress
+    samples: Sequence[Sample], names: Sequence[str], pairs: Sequence[PairedPlaces], tell: Progress
 ) -> tuple[list[RigidTransform], list[tuple[str, ...]]]:
     """Roughly where each scan lies in the first one's frame, and what is doubtful about it.
 
@@ -131,7 +132,7 @@ def _placed(
     poses: dict[int, RigidTransform] = {0: RigidTransform.identity()}
     doubts: dict[int, tuple[str, ...]] = {0: ()}
     for number, places in clicked.items():
-        poses[number], doubts[number] = clicked_pose(places, _name(number)), ()
+        poses[number], doubts[number] = clicked_pose(places, names[number]), ()
     found: dict[tuple[int, int], list[Candidate]] = {}
     while len(poses) < len(samples):
         waiting = [number for number in range(len(samples)) if number not in poses]
@@ -147,12 +148,12 @@ def _placed(
         best = max(open_links, key=lambda link: found[link][0].score, default=None)
         if best is None or found[best][0].score < _LEAST_SCORE:
             raise SurfaceError(
-                f"{_name(waiting[0])} shows no surface that the others show, too.",
+                f"{names[waiting[0]]} shows no surface that the others show, too.",
                 "Show three places that both scans have, or scan so that more of the thing is in both.",
             )
         base, number = best
         poses[number] = poses[base] @ found[best][0].pose
-        doubts[number] = _doubts(found[best], _name(number))
+        doubts[number] = _doubts(found[best], names[number])
     return [poses[number] for number in range(len(samples))], [doubts[n] for n in range(len(samples))]
 
 

@@ -20,6 +20,7 @@ _FEWEST_POINTS = 50
 _LEAST_EXTENT_MM = 1e-3
 _START_CELLS = 40.0
 _ROUNDS = 4
+_FAR = 0.5
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -99,7 +100,7 @@ class Sample:
 
 
 def usable(cloud: PointCloud, name: str) -> PointCloud:
-    """The points of a scan that belong to the thing, each with a normal.
+    """The points of a scan that belong to the thing, each with a normal, without what lies far away.
 
     The table stands in every scan and would be taken for a part of the thing; only clouds of this program
     are known to stand on one.
@@ -116,12 +117,13 @@ def usable(cloud: PointCloud, name: str) -> PointCloud:
         before = len(cloud)
         cloud = Table().apply(cloud)
         _refuse_too_few(cloud, f"{name} shows the table and {len(cloud):,} of {before:,} points above it")
+    cloud = cloud.select(_near(cloud.points))
     if not has_normals(cloud):
         cloud = with_normals(cloud)
     cloud = cloud.select(np.abs(np.linalg.norm(cloud.normals, axis=1) - 1.0) < 0.1)
     _refuse_too_few(cloud, f"{name} has {len(cloud):,} points with a normal")
     if float(np.ptp(cloud.points, axis=0).max()) < _LEAST_EXTENT_MM:
-        raise SurfaceError(f"All points of {name.lower()} lie in one place.", "Leave that scan out.")
+        raise SurfaceError(f"All points of {name} lie in one place.", "Leave that scan out.")
     return cloud
 
 
@@ -132,6 +134,13 @@ def known_sigma(cloud: PointCloud) -> Floats:
     usual = float(np.median(sigma[is_known])) if is_known.any() else 1.0
     # Nobody is so sure that all others count for nothing.
     return np.maximum(np.where(is_known, sigma, usual), 0.2 * usual)
+
+
+def _near(points: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(N,) which points are not far away from nearly all others: a single one would make the thing huge."""
+    low, high = np.quantile(points.astype(np.float64), [0.005, 0.995], axis=0)
+    room = _FAR * float(np.linalg.norm(high - low))
+    return np.asarray(((points >= low - room) & (points <= high + room)).all(axis=1), np.bool_)
 
 
 def _refuse_too_few(cloud: PointCloud, what: str) -> None:
