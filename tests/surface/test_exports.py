@@ -1,6 +1,8 @@
 """Exported meshes and clouds, as other people's programs read them."""
 
+import xml.etree.ElementTree as ET
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 
 import laspy
@@ -9,14 +11,24 @@ import numpy as np
 import pytest
 import trimesh
 from clouds import some_cloud
+from numpy.typing import NDArray
 
-from app.errors import OptionError, OutputError
+from app.errors import OptionError, OutputError, SurfaceError
 from app.geometry.arrays import Floats
 from app.geometry.mesh import TriangleMesh
 from app.surface.exports.units import Unit
-from app.surface.exports.write import CLOUD_SUFFIXES, MESH_SUFFIXES, write_cloud, write_mesh
+from app.surface.exports.write import (
+    CLOUD_SUFFIXES,
+    MESH_SUFFIXES,
+    TEXTURE_SUFFIXES,
+    write_cloud,
+    write_mesh,
+    write_textured,
+)
 from app.surface.ply_reader import read_ply
+from app.surface.texture import paint_texture
 
+_MATERIALS = "{http://schemas.microsoft.com/3dmanufacturing/material/2015/02}"
 SIZE_MM = np.array([10.0, 20.0, 30.0])
 
 
@@ -52,6 +64,74 @@ def test_colours_of_vertices_are_kept(tmp_path: Path, suffix: str) -> None:
     write_mesh(path, box)
     read = trimesh.load_mesh(path, process=False, maintain_order=True)
     np.testing.assert_array_equal(read.visual.vertex_colors[:, :3], box.colours)
+
+
+def test_a_3mf_has_the_colour_of_every_corner(tmp_path: Path) -> None:
+    box = _box()
+    assert box.colours is not None
+    for colours, different in ((box.colours, 8), (np.full_like(box.colours, 90), 1)):
+        write_mesh(tmp_path / "box.3mf", replace(box, colours=colours))
+        with zipfile.ZipFile(tmp_path / "box.3mf") as archive:
+            model = ET.fromstring(archive.read("3D/3dmodel.model"))
+        shades = [shade.get("color") for shade in model.iter(f"{_MATERIALS}color")]
+        assert len(shades) == len(set(shades)) == different
+        thing = model.findall(".//{*}object")[0]
+        assert thing.get("pid") == next(model.iter(f"{_MATERIALS}colorgroup")).get("id")
+        for triangle, face in zip(model.findall(".//{*}triangle"), box.faces, strict=True):
+            said = [shades[int(triangle.get(f"p{k}", thing.get("pindex", "")))] for k in (1, 2, 3)]
+            assert said == ["#{:02X}{:02X}{:02X}FF".format(*colours[corner]) for corner in face]
+
+
+@pytest.mark.parametrize("suffix", TEXTURE_SUFFIXES)
+def test_a_texture_shows_what_is_finer_than_the_triangles(tmp_path: Path, suffix: str) -> None:
+    # Red and blue alternate every five millimetres of height: the box has corners at its ends alone.
+    box = _box()
+    rng = np.random.default_rng(0)
+    shares = rng.dirichlet(np.ones(3), 40_000)
+    points = np.einsum("nk,nkc->nc", shares, box.corners()[rng.integers(0, len(box), len(shares))])
+    cloud = some_cloud(len(points))
+    colours = np.where(_is_red(points)[:, None], (255, 0, 0), (0, 0, 255)).astype(np.uint8)
+    cloud = replace(cloud, points=points.astype(np.float32), colours=colours)
+    told: list[float] = []
+    texture = paint_texture(box, cloud, 600, told.append)
+    assert max(texture.image.shape) <= 512
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    path = tmp_path / f"a box{suffix}"
+    write_textured(path, box, texture)
+    beside = {each.name for each in tmp_path.iterdir()} - {path.name}
+    assert beside == ({"a_box.mtl", "a_box-texture.png"} if suffix == ".obj" else set())
+    read = trimesh.load_scene(path).to_mesh()
+    assert len(read.faces) == 12
+    picture = read.visual.material.image if suffix == ".obj" else read.visual.material.baseColorTexture
+    shares = rng.dirichlet(np.ones(3), 400)
+    which = rng.integers(0, 12, len(shares))
+    asked = np.einsum("nk,nkc->nc", shares, read.triangles[which])
+    height = asked[:, 2] if suffix == ".obj" else asked[:, 1] * 1000.0
+    seen = trimesh.visual.color.uv_to_color(
+        np.einsum("nk,nkc->nc", shares, read.visual.uv[read.faces[which]]), picture
+    )
+    is_clear = np.abs(height / 5.0 - np.round(height / 5.0)) > 0.15
+    is_red = _is_red(np.column_stack([height, height, height]))[is_clear]
+    assert np.mean((seen[is_clear, 0] > 128) == is_red) > 0.99
+
+
+def _is_red(points: Floats) -> NDArray[np.bool_]:
+    return np.asarray(np.floor(points[:, 2] / 5.0) % 2 == 0)
+
+
+def test_a_texture_that_is_too_small_for_all_triangles_is_refused() -> None:
+    ball = trimesh.creation.icosphere(subdivisions=5)
+    mesh = TriangleMesh(ball.vertices.astype(np.float32), ball.faces.astype(np.int32))
+    with pytest.raises(SurfaceError, match="20,480 triangles are too many for a texture of 64 pixels"):
+        paint_texture(mesh, some_cloud(100), 64)
+
+
+def test_a_cloud_that_is_kilometres_wide_fits_into_las(tmp_path: Path) -> None:
+    cloud = some_cloud(10)
+    cloud.points[0] = 5.0e6
+    write_cloud(tmp_path / "wide.las", cloud)
+    np.testing.assert_allclose(laspy.read(tmp_path / "wide.las").xyz, cloud.points, atol=0.01, rtol=1e-6)
 
 
 def test_the_unit_is_in_the_file_where_it_can_be(tmp_path: Path) -> None:

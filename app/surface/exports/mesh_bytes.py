@@ -1,16 +1,17 @@
 """Meshes as STL, PLY, OBJ and OFF: their bytes, part by part."""
 
 from collections.abc import Iterator
-from typing import TypeVar
+from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
 
 from app.geometry.mesh import TriangleMesh
+from app.surface.exports.portions import AT_ONCE, portions
 from app.surface.exports.units import Unit
+from app.surface.texture import Texture
 
-Kind = TypeVar("Kind", bound=np.generic)
-_AT_ONCE = 65_536
+_MATERIAL = "scan"
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _PLY_FACE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 _PLY_VERTEX = [("x", "<f4"), ("y", "<f4"), ("z", "<f4")]
@@ -22,7 +23,7 @@ def stl_parts(mesh: TriangleMesh, unit: Unit) -> Iterator[bytes]:
     yield f"Turnscan, unit {unit.value}".encode("ascii").ljust(80)
     yield np.uint32(len(mesh)).astype("<u4").tobytes()
     vertices = _scaled(mesh, unit)
-    for faces in _portions(mesh.faces):
+    for faces in portions(mesh.faces):
         corners = vertices[faces]
         rows = np.zeros(len(faces), _FACET)
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -51,19 +52,24 @@ def ply_parts(mesh: TriangleMesh, unit: Unit) -> Iterator[bytes]:
         for k, (name, _) in enumerate(_PLY_COLOUR):
             rows[name] = mesh.colours[:, k]
     yield rows.tobytes()
-    for faces in _portions(mesh.faces):
+    for faces in portions(mesh.faces):
         triangles = np.zeros(len(faces), _PLY_FACE)
         triangles["count"] = 3
         triangles["corners"] = faces
         yield triangles.tobytes()
 
 
-def obj_parts(mesh: TriangleMesh, unit: Unit) -> Iterator[bytes]:
-    """Wavefront OBJ; colours behind the coordinates of each vertex, 0..1, as most programs read them."""
+def obj_parts(
+    mesh: TriangleMesh, unit: Unit, texture: Texture | None = None, material_file: str = ""
+) -> Iterator[bytes]:
+    """Wavefront OBJ; colours behind the coordinates of each vertex, 0..1, as most programs read them.
+
+    With a texture, each triangle has its place in the picture that the material of that file names.
+    """
     yield f"# Turnscan, unit {unit.value}\n".encode("ascii")
     vertices = _scaled(mesh, unit)
-    for part in _portions(np.arange(len(vertices))):
-        if mesh.colours is None:
+    for part in portions(np.arange(len(vertices))):
+        if mesh.colours is None or texture is not None:
             yield "".join(f"v {x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in vertices[part].tolist()).encode()
         else:
             rows = np.hstack([vertices[part], mesh.colours[part] / 255.0]).tolist()
@@ -71,23 +77,42 @@ def obj_parts(mesh: TriangleMesh, unit: Unit) -> Iterator[bytes]:
                 f"v {x:.9g} {y:.9g} {z:.9g} {red:.4f} {green:.4f} {blue:.4f}\n"
                 for x, y, z, red, green, blue in rows
             ).encode()
-    for faces in _portions(mesh.faces):
-        yield "".join(f"f {a} {b} {c}\n" for a, b, c in (faces + 1).tolist()).encode()
+    if texture is None:
+        for faces in portions(mesh.faces):
+            yield "".join(f"f {a} {b} {c}\n" for a, b, c in (faces + 1).tolist()).encode()
+        return
+    for places in portions(texture.corners.reshape(-1, 2)):
+        yield "".join(f"vt {right:.6f} {1.0 - down:.6f}\n" for right, down in places.tolist()).encode()
+    yield f"mtllib {material_file}\nusemtl {_MATERIAL}\n".encode()
+    for number, faces in zip(range(1, 3 * len(mesh), 3 * AT_ONCE), portions(mesh.faces), strict=True):
+        yield "".join(
+            f"f {a}/{first} {b}/{first + 1} {c}/{first + 2}\n"
+            for first, (a, b, c) in zip(count(number, 3), (faces + 1).tolist(), strict=False)
+        ).encode()
+
+
+def mtl_bytes(picture_file: str) -> bytes:
+    """The material of a textured OBJ: dull, and coloured by the picture."""
+    lines = [
+        "# Turnscan",
+        f"newmtl {_MATERIAL}",
+        "Ka 1 1 1",
+        "Kd 1 1 1",
+        "Ks 0 0 0",
+        "illum 1",
+        f"map_Kd {picture_file}",
+    ]
+    return "\n".join([*lines, ""]).encode()
 
 
 def off_parts(mesh: TriangleMesh, unit: Unit) -> Iterator[bytes]:
     """OFF as text, without colours and without a unit."""
     yield f"OFF\n{len(mesh.vertices)} {len(mesh)} 0\n".encode("ascii")
-    for vertices in _portions(_scaled(mesh, unit)):
+    for vertices in portions(_scaled(mesh, unit)):
         yield "".join(f"{x:.9g} {y:.9g} {z:.9g}\n" for x, y, z in vertices.tolist()).encode()
-    for faces in _portions(mesh.faces):
+    for faces in portions(mesh.faces):
         yield "".join(f"3 {a} {b} {c}\n" for a, b, c in faces.tolist()).encode()
 
 
 def _scaled(mesh: TriangleMesh, unit: Unit) -> NDArray[np.float32]:
     return mesh.vertices if unit is Unit.MM else mesh.vertices * np.float32(unit.per_mm)
-
-
-def _portions(rows: NDArray[Kind]) -> Iterator[NDArray[Kind]]:
-    for first in range(0, len(rows), _AT_ONCE):
-        yield rows[first : first + _AT_ONCE]

@@ -1,6 +1,7 @@
 """Writing meshes and clouds, each by the ending of its file."""
 
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +12,18 @@ from app.geometry.cloud import PointCloud
 from app.geometry.mesh import TriangleMesh
 from app.surface.exports.glb import glb_parts
 from app.surface.exports.las import write_las
-from app.surface.exports.mesh_bytes import obj_parts, off_parts, ply_parts, stl_parts
+from app.surface.exports.mesh_bytes import mtl_bytes, obj_parts, off_parts, ply_parts, stl_parts
 from app.surface.exports.three_mf import three_mf_parts
 from app.surface.exports.units import Unit
 from app.surface.ply import write_ply
+from app.surface.texture import Texture
 
 _MESHES: Mapping[str, Callable[[TriangleMesh, Unit], Iterator[bytes]]] = {
     ".stl": stl_parts, ".3mf": three_mf_parts, ".ply": ply_parts, ".obj": obj_parts, ".glb": glb_parts,
     ".off": off_parts,
 }  # fmt: skip
 MESH_SUFFIXES = tuple(_MESHES)
+TEXTURE_SUFFIXES = (".obj", ".glb")
 CLOUD_SUFFIXES = (".ply", ".xyz", ".las", ".laz")
 _LINES = 50_000
 
@@ -53,6 +56,34 @@ def write_mesh(path: Path, mesh: TriangleMesh, unit: Unit | str = Unit.MM) -> No
     with replacing(path, is_durable=False) as file:
         for part in parts:
             file.write(part)
+
+
+def write_textured(path: Path, mesh: TriangleMesh, texture: Texture, unit: Unit | str = Unit.MM) -> None:
+    """A mesh with a picture of its colours, as GLB, or as OBJ with the files of `beside_obj`.
+
+    Arguments and errors as of `write_mesh`.
+    """
+    if path.suffix.lower() == ".glb":
+        with replacing(path, is_durable=False) as file:
+            file.writelines(glb_parts(mesh, Unit(unit), texture))
+        return
+    if path.suffix.lower() != ".obj":
+        raise _unknown("mesh with a texture", path.suffix, TEXTURE_SUFFIXES)
+    material, picture = beside_obj(path)
+    # All are written before the first takes its place.
+    with ExitStack() as files:
+        obj, mtl, png = (
+            files.enter_context(replacing(each, is_durable=False)) for each in (path, material, picture)
+        )
+        png.write(texture.png())
+        mtl.write(mtl_bytes(picture.name))
+        obj.writelines(obj_parts(mesh, Unit(unit), texture, material.name))
+
+
+def beside_obj(path: Path) -> tuple[Path, Path]:
+    """The material and the picture that go with a textured OBJ, which cannot name files with blanks."""
+    stem = "_".join(path.stem.split()) or "scan"
+    return path.with_name(f"{stem}.mtl"), path.with_name(f"{stem}-texture.png")
 
 
 def write_cloud(path: Path, cloud: PointCloud) -> None:

@@ -12,6 +12,7 @@ from app.errors import SurfaceError
 from app.geometry.arrays import Floats, Points
 from app.geometry.cloud import PointCloud
 from app.geometry.mesh import TriangleMesh
+from app.surface.colours import colours_at
 from app.surface.meshing.base import foot_height, footprint
 from app.surface.meshing.contour import contour
 from app.surface.meshing.grid import Grid
@@ -29,7 +30,6 @@ _FEWEST_POINTS = 50
 _SPACING_SAMPLE = 5_000
 _SNAP_CELLS = 1.5
 _TRIM_CELLS = 2.0
-_COLOUR_NEIGHBOURS = 4
 # Lower things are not told from the noise of their base.
 _LEAST_CELLS = 3.0
 
@@ -91,10 +91,14 @@ def make_mesh(
         vertices[:, 2] = np.maximum(vertices[:, 2], foot)
     tell("colouring", 0.9)
     tree = cKDTree(points)
-    made = TriangleMesh(vertices.astype(np.float32), mesh.faces, _colours(vertices, tree, usable.colours))
+    made = TriangleMesh(vertices.astype(np.float32), mesh.faces, colours_at(vertices, tree, usable.colours))
     if not options.is_closed:
         made = _trimmed(made, tree, options.trim_mm or _TRIM_CELLS * grid.cell_mm)
     made = without_islands(welded(made), options.island_share)
+    if not len(made):
+        raise SurfaceError(
+            "The points lie too far apart for a surface between them.", "Take a coarser detail."
+        )
     if not options.is_closed and options.hole_mm:
         made = fill_holes(made, options.hole_mm)
     tell("leaving out triangles", 0.93)
@@ -144,16 +148,6 @@ def _cell(points: Points, options: MeshOptions) -> float:
     smallest = Grid.around(points, float(np.ptp(points, axis=0).max()) / 40.0)
     volume = smallest.cells * smallest.cell_mm**3
     return max(wanted, 1.1 * math.cbrt(volume / options.most_cells))
-
-
-def _colours(vertices: Points, tree: cKDTree, colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(V, 3) red, green, blue: the mean of the nearest points', the nearer the more."""
-    count = min(_COLOUR_NEIGHBOURS, tree.n)
-    distances, which = tree.query(vertices, k=np.arange(1, count + 1), workers=-1)
-    weight = 1.0 / np.maximum(distances, 1e-6)
-    weight /= weight.sum(axis=1, keepdims=True)
-    mixed: NDArray[np.uint8] = np.rint(np.einsum("vn,vnc->vc", weight, colours[which])).astype(np.uint8)
-    return mixed
 
 
 def _trimmed(mesh: TriangleMesh, tree: cKDTree, farthest_mm: float) -> TriangleMesh:
