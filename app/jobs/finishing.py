@@ -10,7 +10,7 @@ from app.surface.meshing.options import MeshOptions
 from app.surface.ply_reader import PlyFile
 from app.surface.step import StepDocument
 
-_JOINED = "joined"
+_JOINED, _CLEANED = "joined", "cleaned"
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,9 @@ def finishing_of(item: ScanItem, cloud: str = "") -> Mapping[Preset, Finishing]:
     """
     path = cloud_of(item, cloud)
     name = path.relative_to(item.folder).as_posix()
-    is_joined = any(each.name == name and each.made_by == _JOINED for each in item.clouds)
+    made_by = {each.name: each.made_by for each in item.clouds}
+    # What was cleaned in a scan that was joined is as round about as before.
+    is_joined = made_by[name] in (_JOINED, _CLEANED) and _JOINED in made_by.values()
     is_on_table = bool(PlyFile.open(path).laser_names) and not is_joined
     changes = {"has_flat_base": False} if is_joined else {}
     return {

@@ -7,11 +7,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from app.documents import Json
-from app.errors import NotThere, SurfaceError
+from app.errors import NotThere, OutputError, SurfaceError
+from app.files import make_folder, reason, write_whole
+from app.geometry.mesh import TriangleMesh
 from app.library.library import Library
 from app.library.log import write_line
-from app.library.work import changing, work_folder
+from app.library.names import free_name
+from app.library.work import changing, settle, work_folder
 from app.surface.exports.read import mesh_counts
+from app.surface.exports.write import write_mesh
 
 MESHES_FOLDER = "meshes"
 
@@ -64,6 +68,36 @@ def mesh_of(folder: Path, name: str) -> MeshItem:
         if item.name == name:
             return item
     raise NotThere(f"The scan has no mesh {name[:60]!r}.", "Ask for its meshes, or make one.")
+
+
+def keep_mesh(library: Library, scan: str, mesh: TriangleMesh, how: Json, kind: str) -> str:
+    """Add a mesh to a scan; its file's name within `meshes/`.
+
+    Args:
+        library, scan: where.
+        mesh: to be kept.
+        how: it was made; lies beside it.
+        kind: a word for its name.
+
+    Raises:
+        ScanNotFound: there is no such scan any more.
+        OutputError: it cannot be written.
+    """
+    with work_folder(library.folder) as work:
+        write_whole(work / "mesh.json", json.dumps(how, indent=1, ensure_ascii=False).encode())
+        write_mesh(work / "mesh.ply", mesh)
+        settle()
+        with changing(library.folder):
+            folder = library.scan(scan).folder / MESHES_FOLDER
+            make_folder(folder)
+            name = free_name(folder, f"{datetime.now(UTC):%Y-%m-%dT%H-%M-%S}Z-{kind}", ".ply")
+            try:
+                # Last the mesh itself, so that whoever sees it knows how it was made.
+                for ending in (".json", ".ply"):
+                    (work / f"mesh{ending}").replace((folder / name).with_suffix(ending))
+            except OSError as error:
+                raise OutputError(str(folder / name), reason(error)) from error
+    return name
 
 
 def erase_mesh(library: Library, scan: str, name: str) -> int:
