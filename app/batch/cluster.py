@@ -53,6 +53,12 @@ def on_cluster(tasks: Sequence[Task], order: BatchOrder, scheduler: str) -> Iter
 
 
 def _result(task: Task, future: Any) -> Result:
+    if future.cancelled():
+        return Result(
+            recording=str(task.recording),
+            problem="The scheduler of the cluster went away before it was done.",
+            hint="Start the scheduler and its workers again, then run the same command.",
+        )
     error = future.exception()
     if error is None:
         return Result.model_validate_json(future.result())

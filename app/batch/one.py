@@ -12,7 +12,7 @@ import numpy as np
 
 from app.batch.fingerprint import fingerprint
 from app.batch.order import BatchOrder
-from app.batch.result import Result, read_result, write_result
+from app.batch.result import Result, write_result
 from app.calibration.calibrate import calibrate
 from app.calibration.plan import CalibrationPlan
 from app.calibration.platter_file import layout_of
@@ -25,7 +25,7 @@ from app.recording.reader import Recording
 from app.scanning.drift import DriftReference
 from app.scanning.reconstruct import ReconstructionOptions
 from app.scanning.sources import reconstruct_recording, scan_detector
-from app.surface.exports.write import write_mesh
+from app.surface.exports.write import MESH_SUFFIXES, write_mesh
 from app.surface.finish import finish
 from app.surface.ply import PlyWriter
 from app.surface.preview import PreviewPainter
@@ -85,6 +85,7 @@ class _Work:
     order: BatchOrder
     tell: Tell
     result: Result = field(init=False)
+    has_begun: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
         self.result = Result(recording=str(self.source))
@@ -113,6 +114,9 @@ class _Work:
         self.tell("done", 1.0)
 
     def failed(self, problem: str, hint: str) -> None:
+        # What an earlier run made stays while nothing can be made in its place.
+        if self.has_begun:
+            self._clear()
         self._know(problem=problem, hint=hint, files=())
         with suppress(ScannerError):
             make_folder(self.folder)
@@ -130,14 +134,18 @@ class _Work:
     def _begin(self) -> None:
         """What an earlier run made goes; from here on the folder says that it is not finished."""
         make_folder(self.folder)
-        earlier = read_result(self.folder)
-        old = [self.folder / name for name in (() if earlier is None else earlier.files)]
-        left_by_a_killed_process = self.folder.glob(".*.part")
-        for path in (*old, *left_by_a_killed_process):
-            if path.parent == self.folder:
-                with suppress(OSError):
-                    path.unlink()
+        self.has_begun = True
+        self._clear()
         write_result(self.folder, self.result.model_copy(update={"problem": _BROKEN_OFF}))
+
+    def _clear(self) -> None:
+        """Nothing that was made stays, whichever run made it."""
+        meshes = (f"{MESH_NAME}{suffix}" for suffix in MESH_SUFFIXES)
+        made = [self.folder / name for name in (CLOUD_FILE, CALIBRATION_FILE, THUMBNAIL_FILE, *meshes)]
+        left_by_a_killed_process = self.folder.glob(".*.part")
+        for path in (*made, *left_by_a_killed_process):
+            with suppress(OSError):
+                path.unlink()
 
     def _calibrated(self, recording: Recording) -> CalibrationRecord:
         def show(stage: str, done: int, total: int | None) -> None:
@@ -189,7 +197,7 @@ class _Work:
             write_mesh(self._made(f"{MESH_NAME}{form}"), done.mesh)
         low, high = done.mesh.bounds()
         self._know(triangles=len(done.mesh), size_mm=tuple((high - low).tolist()))
-        self._add(done.report.notes, done.report.doubts)
+        self._add(read.notes + done.report.notes, done.report.doubts)
         printing = done.report.printing
         if printing is not None:
             bad = tuple(f"{one.sentence} {one.advice}" for one in printing.findings if one.advice)

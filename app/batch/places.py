@@ -27,13 +27,14 @@ class Task:
 def tasks_for(recordings: Sequence[Path], out: Path) -> list[Task]:
     """One for each recording, however often it is named; where it had results before, its folder is the same.
 
+    The folder of the results is passed over: `archive/*` names it, too, where it lies among the recordings.
     Of several recordings with one name the second gets a folder such as `mug-2`. A folder that holds anything
     else is left alone.
 
     Raises:
         OutputError: the folder of the results cannot be looked at.
     """
-    places = list(dict.fromkeys(map(_folder, recordings)))
+    places = [place for place in dict.fromkeys(map(_folder, recordings)) if place != out.resolve()]
     try:
         taken = {place: name for place in places if (name := _earlier(place, out))}
         for place in places:

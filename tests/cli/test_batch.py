@@ -99,13 +99,15 @@ def test_a_batch_goes_on_past_a_bad_recording_and_a_dead_worker(scan: Path, tmp_
     assert "has no recording.json. Name a folder" in table[1]["said"]
     assert float(table[0]["x_mm"]) > 50.0
     assert not list(plan.out.rglob("*.part"))
+    assert {path.name for path in (plan.out / "bad").iterdir()} == {"result.json"}
     made = read_result(plan.out / "ball")
     assert made is not None
     assert made.files == ("cloud.ply", "thumbnail.png", "thing.ply")
     assert all((plan.out / "ball" / name).stat().st_size for name in made.files)
 
     watched = Watched("ball-2", kill_the_worker)
-    rows = run_batch([second, bad, first], plan, watched)
+    # The folder of the results may lie among the recordings.
+    rows = run_batch([second, bad, plan.out, first], plan, watched)
     assert watched.kept == 1
     assert watched.ended_names == ["ball-2", "bad"]
     assert outcomes(rows) == ["failed", "failed", "done"]
@@ -117,8 +119,14 @@ def test_a_batch_goes_on_past_a_bad_recording_and_a_dead_worker(scan: Path, tmp_
 
     frame = frame_of(first, "scan")
     replaced(frame, b"no picture any more")
+    kept = {path.name for path in (plan.out / "ball").iterdir()}
+    first.rename(tmp_path / "elsewhere")
+    assert outcomes(run_batch([first], plan, Watched())) == ["failed"]
+    assert {path.name for path in (plan.out / "ball").iterdir()} == kept
+    (tmp_path / "elsewhere").rename(first)
     ended = turnscan("batch", first, second, *_OPTIONS, "-c", scan / "truth.json", "--out", plan.out)
     assert ended.code == 2, ended.said
+    assert {path.name for path in (plan.out / "ball").iterdir()} == {"result.json"}
     for words in ("Failed: ball:", "Made ball-2:", "2 recordings: 1 done, 1 failed.", "results.html"):
         assert words in ended.said
     assert 'src="data:image/jpeg;base64,' in (plan.out / "results.html").read_text()
