@@ -29,6 +29,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
         ("POST", "/bench/table", b'{"by_deg": Infinity}', 422, "by_deg"),
         ("POST", "/bench/table", b'{"by_deg": 1, "speed_deg_s": 1e-9}', 409, "1e-09 degrees"),
         ("POST", "/bench/camera/find-exposure", b'{"longest_us": NaN}', 422, "longest_us"),
+        ("PUT", "/view/crop", b'{"low": [-Infinity, 0, 0], "high": [1, 1, 1]}', 422, "low"),
         ("PATCH", "/scans/nope", b'{"title": "a\\u0000b"}', 400, "title"),
         ("GET", "/scans/a%00b", b"", 404, ""),
         ("GET", "/scans/" + "a" * 3000, b"", 404, ""),

@@ -16,7 +16,8 @@ from app.surface.step import StepDocument, document_of, parse_step
 router = APIRouter(prefix="/view", tags=["view"])
 Colour = Literal["texture", "height", "laser", "quality", "angle"]
 Preset = Literal["home", "top", "front", "back", "left", "right", "scanner", "camera"]
-Corner = tuple[float, float, float]
+Coordinate = Annotated[float, Field(allow_inf_nan=False)]
+Corner = tuple[Coordinate, Coordinate, Coordinate]
 Share = Annotated[float, Field(ge=-1.0, le=2.0)]
 Tab = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,64}$")]
 Name = Annotated[str, Field(min_length=1, max_length=200)]
