@@ -1,7 +1,7 @@
 """What every command says goes to standard error, so that results can go to standard output."""
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Protocol
@@ -68,12 +68,18 @@ def warn(texts: Iterable[str], *, is_doubt: bool = False) -> None:
         console.print(text, markup=False, soft_wrap=True)
 
 
-def check_output(path: Path) -> None:
+def check_output(path: Path, taken: Sequence[Path] = ()) -> None:
     """Complain before the work rather than after it.
 
+    Args:
+        path: where a result goes.
+        taken: files that are read, or written with another result.
+
     Raises:
-        OutputError: the folder of a result is not there or cannot be written.
+        OutputError: the folder of a result is not there or cannot be written, or the place is taken.
     """
+    if os.path.realpath(path) in map(os.path.realpath, taken):
+        raise OutputError(str(path), "the same command reads or writes it already", "Name another file.")
     folder = path.parent
     if not folder.is_dir():
         raise OutputError(str(path), f"the folder {folder} is not there", "Make it, or name another place.")

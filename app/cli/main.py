@@ -62,6 +62,10 @@ def run(arguments: list[str]) -> int:
         console.print(f"[bold red]Error:[/] {_plain(str(error).rstrip('.'))}.", soft_wrap=True)
         console.print("See `turnscan --help`, or --help of the command.", soft_wrap=True)
         return _USAGE
+    except MemoryError:
+        console.print("[bold red]Error:[/] There is too little memory for this.", soft_wrap=True)
+        console.print("Use fewer points or a coarser detail, or close other programs.", soft_wrap=True)
+        return _USAGE
     except (KeyboardInterrupt, typer.Abort):
         code = _TYPER_INTERRUPTED
     if code == _TYPER_INTERRUPTED:

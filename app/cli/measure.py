@@ -59,7 +59,7 @@ def measure_command(
     part = None if region is None else parse_region(region)
     for path in (output, picture):
         if path is not None:
-            check_output(path)
+            check_output(path, [file] if against is None else [file, against])
     thing = _read(file)
     points = points_of(thing)
     if part is not None:

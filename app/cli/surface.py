@@ -6,16 +6,18 @@ from typing import Annotated, Any
 
 import typer
 
-from app.cli.console import check_output, progress_bar, say, warn
+from app.cli.console import progress_bar, say, warn
+from app.cli.surface_files import SurfaceFiles
 from app.cli.surface_join import check_pairs, in_one_frame, join_clouds, joined_lines, read_clouds
 from app.cli.surface_lines import finish_lines
 from app.errors import OptionError
 from app.surface.exports.units import Unit
-from app.surface.exports.write import CLOUD_SUFFIXES, MESH_SUFFIXES, write_cloud, write_mesh
+from app.surface.exports.write import CLOUD_SUFFIXES, MESH_SUFFIXES
 from app.surface.finish import Finish, Preset, finish, preset_mesh
 from app.surface.joining.join import Joined
 from app.surface.meshing.options import MeshOptions
 from app.surface.step import STEPS, StepDocument, parse_step
+from app.surface.texture import Texture, paint_texture
 
 _DOUBTFUL = 1
 _PARTS = 1000
@@ -39,9 +41,13 @@ def surface_command(
         float | None, typer.Option(help="Leave out triangles within this distance, mm; 0 for none.")
     ] = None,
     is_open: Annotated[bool, typer.Option("--open", help="End the surface where the points end.")] = False,
-    no_base: Annotated[
-        bool, typer.Option("--no-base", help="Close it roundly below, without a flat base.")
-    ] = False,
+    base: Annotated[
+        bool | None,
+        typer.Option(
+            "--base/--no-base",
+            help="Close it below with a flat base, or roundly; by default roundly where clouds are joined.",
+        ),
+    ] = None,
     holes: Annotated[
         float | None, typer.Option(min=0.0, help="Close holes of an open mesh up to this width, mm.")
     ] = None,
@@ -53,6 +59,12 @@ def surface_command(
     unit: Annotated[
         Unit, typer.Option(help="Of the numbers in the file; GLB is always in metres.")
     ] = Unit.MM,
+    texture: Annotated[
+        int | None,
+        typer.Option(
+            min=64, max=8192, help="Colours of OBJ and GLB as a picture of at most so many pixels a side."
+        ),
+    ] = None,
     clean: Annotated[
         Path | None, typer.Option(help=f"Write the cleaned cloud, too: {', '.join(CLOUD_SUFFIXES)}.")
     ] = None,
@@ -72,8 +84,8 @@ def surface_command(
     ] = False,
 ) -> int:
     """Turn a point cloud, or several of one thing, into a mesh."""
-    _check(output, MESH_SUFFIXES, "mesh")
-    _check([path for path in (clean, joined) if path is not None], CLOUD_SUFFIXES, "cloud")
+    files = SurfaceFiles(output, clean, joined, unit, texture)
+    files.check(clouds)
     is_joined = len(clouds) > 1 and not no_join
     if (joined is not None or pair) and not is_joined:
         raise OptionError(
@@ -81,13 +93,16 @@ def surface_command(
             "Name two clouds, without --no-join.",
         )
     check_pairs(pair or [], len(clouds))
+    if len({path.resolve() for path in clouds}) < len(clouds):
+        raise OptionError("A cloud is named twice.", "Name different clouds of one thing.")
     if step and no_steps:
         raise OptionError("--step and --no-steps contradict each other.")
     changed: dict[str, Any] = {}
     if is_open:
         changed["is_closed"] = False
-    if no_base:
-        changed["has_flat_base"] = False
+    # What was turned over was seen from below, too.
+    if base is not None or is_joined:
+        changed["has_flat_base"] = bool(base)
     if tolerance is not None:
         changed["tolerance_mm"] = tolerance or None
     given = {"cell_mm": detail, "triangles": triangles, "hole_mm": holes}
@@ -98,49 +113,43 @@ def surface_command(
         steps=() if no_steps else tuple(map(_step, step)) if step else None,
     )
     whole: Joined | None = None
+    painted: Texture | None = None
     with progress_bar() as show:
         read = read_clouds(clouds)
         if is_joined:
             whole = join_clouds(
-                read, pair or [], lambda words, share: show("Joining", round(_PARTS * share), _PARTS, words)
+                read,
+                clouds,
+                pair or [],
+                lambda words, share: show("Joining", round(_PARTS * share), _PARTS, words),
             )
         done = finish(
             in_one_frame(read) if whole is None else [whole.cloud],
             order,
             lambda words, share: show("Making the surface", round(_PARTS * share), _PARTS, words),
         )
+        mesh = done.mesh
+        assert mesh is not None
+        if texture is not None:
+            painted = paint_texture(
+                mesh, done.cloud, texture, lambda share: show("Painting", round(_PARTS * share), _PARTS)
+            )
     if whole is not None:
         say(joined_lines(clouds, whole))
         warn(whole.notes)
         warn(whole.doubts, is_doubt=True)
-        if joined is not None:
-            write_cloud(joined, whole.cloud)
-    assert done.mesh is not None
-    for path in output:
-        write_mesh(path, done.mesh, unit)
-    if clean is not None:
-        write_cloud(clean, done.cloud)
+    files.write(mesh, painted, done.cloud, None if whole is None else whole.cloud)
     report = done.report
-    say(finish_lines(report, done.mesh))
+    say(finish_lines(report, mesh))
     warn(report.notes)
     warn(report.doubts, is_doubt=True)
     printing = report.printing
     if printing is not None:
         bad = [f"{finding.sentence} {finding.advice}" for finding in printing.findings if finding.advice]
         warn(bad, is_doubt=not printing.is_printable)
-    written = [str(path) for path in (*output, clean, joined) if path is not None]
-    say([f"Written          {', '.join(written)}"])
+    say([f"Written          {', '.join(map(str, files.all()))}"])
     doubts = (*report.doubts, *(() if whole is None else whole.doubts))
     return _DOUBTFUL if doubts or (printing is not None and not printing.is_printable) else 0
-
-
-def _check(paths: list[Path], known: tuple[str, ...], what: str) -> None:
-    for path in paths:
-        if path.suffix.lower() not in known:
-            raise OptionError(
-                f"{path}: that is no form of a {what}.", f"Name a file that ends in {', '.join(known)}."
-            )
-        check_output(path)
 
 
 def _mesh_options(preset: Preset, changed: dict[str, Any]) -> MeshOptions:

@@ -29,15 +29,19 @@ def read_clouds(paths: Sequence[Path]) -> list[PointCloud]:
     return [read_thinned(path, most).cloud for path in paths]
 
 
-def join_clouds(clouds: Sequence[PointCloud], pairs: Sequence[str], progress: Progress) -> Joined:
+def join_clouds(
+    clouds: Sequence[PointCloud], paths: Sequence[Path], pairs: Sequence[str], progress: Progress
+) -> Joined:
     """One cloud of several, whichever way the thing lay.
 
     Args:
         clouds: two or more.
+        paths: where they came from.
         pairs: as they were typed.
         progress: told how far it is.
     """
-    return join(clouds, JoinOptions(pairs=tuple(_pair(text, len(clouds)) for text in pairs)), progress)
+    options = JoinOptions(pairs=tuple(_pair(text, len(clouds)) for text in pairs))
+    return join(clouds, options, progress, list(map(str, paths)))
 
 
 def check_pairs(pairs: Sequence[str], count: int) -> None:

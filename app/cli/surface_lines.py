@@ -11,11 +11,11 @@ def finish_lines(report: FinishReport, mesh: TriangleMesh) -> list[str]:
         lines.append(f"Copies           {report.copies:,} points left out: not finite, or where another is")
     if report.thinned:
         lines.append(f"Thinned          {report.thinned:,} points left out: too many")
-    lines += [
-        f"{'Cleaned' if number == 0 else '':<16} {step.kind}: {step.before - step.after:,} left out, "
-        f"{step.after:,} stay"
-        for number, step in enumerate(report.steps)
-    ]
+    for number, step in enumerate(report.steps):
+        left_out = f"{step.before - step.after:,} left out, {step.after:,} stay"
+        lines.append(f"{'Cleaned' if number == 0 else '':<16} {step.kind}: {left_out}")
+        if step.note:
+            lines.append(f"{'':<16} {step.note}")
     lines.append(f"Mesh             {len(mesh):,} triangles")
     printing = report.printing
     if printing is None:

@@ -101,11 +101,12 @@ def preset_mesh(preset: Preset) -> MeshOptions:
 
 @dataclass(frozen=True, slots=True)
 class StepReport:
-    """What a step left of the points."""
+    """What a step left of the points, and what it had to say of them; mostly nothing."""
 
     kind: str
     before: int
     after: int
+    note: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,9 +194,9 @@ def finish(
     done = []
     for number, (document, step) in enumerate(zip(documents, steps, strict=True)):
         tell(f"cleaning: {document['kind']}", 0.1 + 0.2 * number / len(steps))
-        before = len(cloud)
+        before, note = len(cloud), step.says(cloud)
         cloud = step.apply(cloud)
-        done.append(StepReport(str(document["kind"]), before, len(cloud)))
+        done.append(StepReport(str(document["kind"]), before, len(cloud), note))
     if len(cloud) < _FEWEST_POINTS:
         raise SurfaceError(
             f"The steps left {len(cloud):,} of {different:,} points; a surface needs {_FEWEST_POINTS}.",

@@ -85,6 +85,20 @@ def test_a_ball_becomes_files_to_print_and_a_clean_cloud(ball: Path, tmp_path: P
         assert words in ended.said
 
 
+def test_points_that_are_nowhere_are_left_out_and_that_is_said(ball: Path, tmp_path: Path) -> None:
+    cloud = read_ply(ball)
+    cloud.points[::100] = np.nan
+    write_ply(tmp_path / "holed.ply", cloud)
+    obj = tmp_path / "b.obj"
+    ended = turnscan("surface", tmp_path / "holed.ply", "-o", obj, "--detail", 1.2, "--texture", 256)
+    assert ended.code == 0, ended.said
+    assert f"Copies {-(-len(cloud) // 100)} points left out: not finite" in ended.said
+    assert files_below(tmp_path) == {"holed.ply", "b.obj", "b.mtl", "b-texture.png"}
+    read = trimesh.load_mesh(obj)
+    read.merge_vertices(merge_tex=True)
+    assert read.is_watertight
+
+
 def test_half_a_ball_ends_with_a_doubt_and_open_without(ball: Path, tmp_path: Path) -> None:
     cloud = read_ply(ball)
     half = tmp_path / "half.ply"
@@ -105,6 +119,8 @@ def test_two_scans_are_joined_before_they_become_a_thing(potato: tuple[Path, Pat
         assert words in ended.said
     whole = trimesh.load_mesh(tmp_path / "p.stl")
     assert whole.is_watertight
+    # Closed roundly where it was seen from below.
+    assert np.ptp(whole.vertices[whole.vertices[:, 2] < whole.bounds[0, 2] + 0.05], axis=0).max() < 8.0
     both = read_ply(tmp_path / "both.ply")
     # The underside of the first scan came with the second.
     assert np.count_nonzero(both.normals[:, 2] < -0.9) > 100
@@ -142,7 +158,11 @@ def test_wrong_wishes_are_refused_before_any_work(ball: Path, tmp_path: Path) ->
         ((ball, ball, "-o", stl, "--pair", "3:1,2,3=1,2,3"), "there are 2 clouds, and the first one stays"),
         ((ball, ball, "-o", stl, "--pair", "2:1,2,3"), "is no pair of places"),
         ((ball, ball, "-o", stl, "--pair", "2:1,2=1,2,3"), "'1,2' is no place"),
-        ((ball, flat, "-o", stl), "Scan 2"),
+        ((ball, flat, "-o", stl), "empty.ply has points at 0 different places"),
+        ((ball, ball, "-o", stl), "A cloud is named twice"),
+        ((flat, "-o", flat), "empty.ply: the same command reads or writes it already"),
+        ((ball, "-o", tmp_path / "b.ply", "--clean", tmp_path / "b.ply"), "reads or writes it already"),
+        ((ball, "-o", stl, "--texture", 256), "--texture is for meshes that can have one"),
         ((tmp_path / "missing.ply", "-o", stl), "missing.ply"),
     ]
     for arguments, sentence in cases:
