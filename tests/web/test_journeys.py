@@ -15,7 +15,7 @@ from benchmarks.browser import DESK, PHONE, chromium
 
 pytestmark = needs_browser
 
-_SMALL: dict[str, str | float] = {"object": "sphere", "width": 320, "height": 240}
+_SMALL: dict[str, str | float] = {"object": "sphere", "width": 480, "height": 360}
 _MOST_CLICKS = 12
 _COUNT = """addEventListener("click", (event) => {
   // The click that a label passes on to its field is not another one.
