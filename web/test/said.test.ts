@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { filled, phrased, type Sentences } from "../src/i18n/said";
+import { filled, phrased, renumbered, type Sentences } from "../src/i18n/said";
 import german from "../src/i18n/server/de.json";
 
 const { phrases, findings, problems } = german as unknown as Sentences;
@@ -37,6 +37,12 @@ test("every open name of a phrase's German is one of its English", () => {
 test("numbers are written as the language does", () => {
   expect(filled("{a} mm", { a: 1.5 }, (value) => String(value).replace(".", ","))).toBe("1,5 mm");
   expect(filled("{a} mm", {})).toBe("{a} mm");
+  const german = (words: string) => renumbered(words, "de");
+  expect(german("12,345.5")).toBe("12.345,5");
+  expect(phrased("It is 36.8 x 40.0 x 1,200.5 mm.", phrases, german)).toBe(
+    "Es misst 36,8 x 40,0 x 1.200,5 mm.",
+  );
+  for (const name of ["8000", "1.2.3", "v2.1", "2026-11-22"]) expect(german(name)).toBe(name);
 });
 
 test("each code has a sentence, and what to do or nothing", () => {

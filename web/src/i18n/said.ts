@@ -10,23 +10,50 @@ export interface Sentences {
 export type Values = Record<string, unknown>;
 
 /** The first phrase whose words these are; null where there is none. What it leaves open is looked up as well. */
-export function phrased(words: string, phrases: Sentences["phrases"]): string | null {
+export function phrased(
+  words: string,
+  phrases: Sentences["phrases"],
+  rewritten: (numbers: string) => string = String,
+): string | null {
   for (const [english, other] of phrases) {
     const found = patternOf(english).exec(words);
     if (!found) continue;
     const values = Object.entries(found.groups ?? {});
     return filled(
       other,
-      Object.fromEntries(values.map(([name, value]) => [name, phrased(value, phrases) ?? value])),
+      Object.fromEntries(
+        values.map(([name, value]) => [name, phrased(value, phrases, rewritten) ?? rewritten(value)]),
+      ),
     );
   }
-  return sentenceBySentence(words, phrases);
+  return sentenceBySentence(words, phrases, rewritten);
 }
 
-function sentenceBySentence(words: string, phrases: Sentences["phrases"]): string | null {
+const NUMBER = /\d{1,3}(?:,\d{3})+(?:\.\d+)?|\d+(?:\.\d+)?/;
+const NUMBERS = new RegExp(`^-?(?:${NUMBER.source})(?: x (?:${NUMBER.source}))*(?: ?%)?$`);
+
+/** Numbers as the server writes them, written anew; what is anything else, such as a version, stays. */
+export function renumbered(words: string, locale: string): string {
+  if (!NUMBERS.test(words)) return words;
+  return words.replace(new RegExp(NUMBER.source, "g"), (number) => {
+    const digits = number.split(".")[1]?.length ?? 0;
+    return new Intl.NumberFormat(locale, {
+      minimumFractionDigits: digits,
+      maximumFractionDigits: digits,
+      // Without it, it may be a port or a year.
+      useGrouping: number.includes(","),
+    }).format(Number(number.replaceAll(",", "")));
+  });
+}
+
+function sentenceBySentence(
+  words: string,
+  phrases: Sentences["phrases"],
+  rewritten: (numbers: string) => string,
+): string | null {
   const sentences = words.split(/(?<=\.) (?=\p{Lu})/u);
   if (sentences.length < 2) return null;
-  const said = sentences.map((sentence) => phrased(sentence, phrases));
+  const said = sentences.map((sentence) => phrased(sentence, phrases, rewritten));
   return said.every((each) => each !== null) ? said.join(" ") : null;
 }
 
