@@ -84,6 +84,17 @@ def test_a_scan_is_cleaned_made_a_surface_of_and_taken_home_as_stl(
         made = trimesh.load_mesh(tmp_path / "ball.stl")
         assert made.is_watertight
         assert made.extents[2] == pytest.approx(28.0, abs=1.0)
+        # What was thrown away by mistake comes back; after a reload all is as it was, and said in German.
+        page.get_by_role("button", name="More for the surface").click()
+        page.get_by_role("menuitem", name="Erase this surface").click()
+        expect(page.get_by_text("Triangles", exact=True)).to_have_count(0)
+        page.get_by_role("region", name="Messages").get_by_role("button", name="Undo").click()
+        expect(page.get_by_text("Triangles", exact=True)).to_be_visible()
+        page.evaluate("""localStorage["turnscan.preferences"] = '{"language": "de"}'""")
+        page.reload()
+        expect(page.get_by_text("Die Fläche ist geschlossen.")).to_be_visible()
+        expect(page.get_by_label("Anwenden: Teller")).not_to_be_checked()
+        complaints.check(page)
 
 
 def _ball() -> PointCloud:

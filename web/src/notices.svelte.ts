@@ -17,6 +17,8 @@ export interface Notice {
 
 const SHOWN_MS = 6000;
 const SHOWN_WITH_ACTION_MS = 10_000;
+/** Longer than the offer to take something back stands. */
+export const UNDO_MS = SHOWN_WITH_ACTION_MS + 1000;
 const MOST = 4;
 
 let shown = $state.raw<readonly Notice[]>([]);

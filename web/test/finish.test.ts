@@ -8,6 +8,7 @@ import {
   movedStep,
   planOf,
   withStep,
+  withStepAt,
   withoutStep,
 } from "../src/places/library/finish/plan";
 import { formsOf, stateOf } from "../src/places/library/finish/result";
@@ -40,6 +41,8 @@ test("steps are switched off, moved, taken out and added, what cuts before what 
   expect(kinds(movedStep(plan, 2, -1))).toEqual(["table", "quality"]);
   expect(movedStep(plan, 1, -1)).toBe(plan);
   expect(kinds(withoutStep(plan, 1))).toEqual(["table"]);
+  const added = withStep(withoutStep(plan, 1), { kind: "smooth" });
+  expect(kinds(withStepAt(added, plan.steps[0]!, 0))).toEqual(["quality", "table", "smooth"]);
   expect(kinds(withStep(withStep(plan, { kind: "smooth" }), { kind: "box" }))).toEqual([
     "box",
     "quality",

@@ -1,8 +1,10 @@
 """Cleaning and measuring clouds: what steps there are, what they would do, and how large things are."""
 
+import json
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import anyio
 import numpy as np
@@ -17,6 +19,9 @@ from app.jobs.job import JobState
 from app.surface.finish import Preset
 from app.surface.meshing.options import MeshOptions
 from app.surface.step import STEPS, StepDocument, parse_step
+
+if TYPE_CHECKING:
+    from app.surface.preview_steps import StepPreview
 
 router = APIRouter(prefix="/surface", tags=["surface"])
 # Each takes seconds of every core, and memory: the others wait.
@@ -230,13 +235,11 @@ def _shown_kind(kind: str) -> StepKindOut:
 
 
 def _tried(served: Services, wanted: CleaningIn) -> CleaningOut:
-    from app.surface.measure.thing import file_points, read_cloud
-    from app.surface.preview_steps import PREVIEW_POINTS, preview_steps
+    from app.surface.measure.thing import file_points
 
-    steps = [parse_step(document) for document in wanted.steps]
     scan, path, name = _found(served, wanted.scan, wanted.cloud)
     whole = file_points(path)
-    found = preview_steps(read_cloud(path, PREVIEW_POINTS), steps, whole=whole)
+    found = _preview(path, path.stat().st_mtime_ns, whole, json.dumps(wanted.steps, sort_keys=True))
     is_free = wanted.shows and not _is_scanning(served)
     if is_free:
         shown = _marked(found.cloud, found.gone) if wanted.marks else found.cloud
@@ -253,6 +256,24 @@ def _tried(served: Services, wanted: CleaningIn) -> CleaningOut:
         ],
         shown=is_free,
     )  # fmt: skip
+
+
+@lru_cache(maxsize=2)
+def _preview(path: Path, changed_ns: int, whole: int, steps: str) -> "StepPreview":
+    """Steps, as JSON, tried on a file as it was then; who looks to and fro between two does not wait."""
+    from app.surface.preview_steps import preview_steps
+
+    parsed = [parse_step(document) for document in json.loads(steps)]
+    return preview_steps(_copy(path, changed_ns), parsed, whole=whole)
+
+
+@lru_cache(maxsize=1)
+def _copy(path: Path, changed_ns: int) -> PointCloud:
+    """Thinned; read once, however many steps are tried on it."""
+    from app.surface.measure.thing import read_cloud
+    from app.surface.preview_steps import PREVIEW_POINTS
+
+    return read_cloud(path, PREVIEW_POINTS)
 
 
 def _marked(left: PointCloud, gone: PointCloud) -> PointCloud:

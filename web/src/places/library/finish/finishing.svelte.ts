@@ -1,4 +1,4 @@
-/** What was planned for each cloud: kept until the page is loaded again, so that one can leave and come back. */
+/** What was planned for each cloud: kept until the page is closed, so that one can leave and come back. */
 import { api, asked } from "../../../api/client";
 import type { FinishPresetOut, StepKindOut } from "../../../api/schema.gen";
 import { begun, changed, redone, undone, type History } from "./history";
@@ -14,7 +14,7 @@ export class Finishing {
     readonly presets: readonly FinishPresetOut[],
     readonly kinds: readonly StepKindOut[],
   ) {
-    this.history = $state.raw(begun(planOf(this.usual("print"))));
+    this.history = $state.raw(begun(this.#kept() ?? planOf(this.usual("print"))));
   }
 
   get plan(): Plan {
@@ -22,15 +22,15 @@ export class Finishing {
   }
 
   change(plan: Plan, of = ""): void {
-    this.history = changed(this.history, plan, of);
+    this.#become(changed(this.history, plan, of));
   }
 
   undo(): void {
-    this.history = undone(this.history);
+    this.#become(undone(this.history));
   }
 
   redo(): void {
-    this.history = redone(this.history);
+    this.#become(redone(this.history));
   }
 
   choose(preset: Preset): void {
@@ -43,6 +43,28 @@ export class Finishing {
 
   kind(name: string): StepKindOut | undefined {
     return this.kinds.find((each) => each.kind === name);
+  }
+
+  get #key(): string {
+    return `turnscan.finish/${this.scan}/${this.cloud}`;
+  }
+
+  #become(history: History<Plan>) {
+    this.history = history;
+    try {
+      sessionStorage.setItem(this.#key, JSON.stringify(this.plan));
+    } catch {
+      // A browser that keeps nothing.
+    }
+  }
+
+  /** As it was before the page was loaded again. */
+  #kept(): Plan | null {
+    try {
+      return JSON.parse(sessionStorage.getItem(this.#key) ?? "null") as Plan | null;
+    } catch {
+      return null;
+    }
   }
 }
 

@@ -51,6 +51,12 @@ export function withStep(plan: Plan, document: StepDocument): Plan {
   return { ...plan, steps: isCut ? [step, ...plan.steps] : [...plan.steps, step] };
 }
 
+/** With a step that was taken out, where it was, or as near to it as there is a place. */
+export function withStepAt(plan: Plan, step: PlannedStep, at: number): Plan {
+  const others = plan.steps.filter((each) => each.id !== step.id);
+  return { ...plan, steps: others.toSpliced(at, 0, step) };
+}
+
 export function withoutStep(plan: Plan, id: number): Plan {
   return { ...plan, steps: plan.steps.filter((step) => step.id !== id) };
 }
