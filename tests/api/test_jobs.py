@@ -127,6 +127,8 @@ def test_a_cancelled_scan_is_retried_where_it_was_and_jobs_leave_the_list(client
     # Moved in between, the table comes back to where the scan needs it.
     client.post(f"{API}/bench/table", json={"angle_deg": 200.0})
     more = client.post(f"{API}/jobs/{job['id']}/retry", json={}).json()
+    pressed_twice = client.post(f"{API}/jobs/{job['id']}/retry", json={})
+    assert (pressed_twice.status_code, "already" in pressed_twice.json()["title"]) == (409, True)
     ended = _ended(client, more["id"])
     assert (ended["state"], ended["result"]["pictures"]) == ("done", 80), ended
     assert not client.get(f"{API}/jobs/{job['id']}").json()["can_resume"]

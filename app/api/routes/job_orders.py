@@ -9,11 +9,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from app.api.routes.jobs import JobOut, Name, shown
 from app.api.services import Served, Services
 from app.calibration.record import CalibrationRecord
-from app.errors import CalibrationFileError, OptionError, ScanNotFound
+from app.errors import CalibrationFileError, OptionError, ScanBusy, ScanNotFound
 from app.jobs.clouds import cloud_of
 from app.jobs.estimate import ScanEstimate, estimate, refuse_without_room
 from app.jobs.export import ExportForm, export_work
 from app.jobs.finishing import finishing_of
+from app.jobs.job import JobSnapshot
 from app.jobs.join import join_work
 from app.jobs.recipes import ScanOrder, checkup_work, reconstruct_work, scan_work
 from app.jobs.runner import JobContext
@@ -265,10 +266,8 @@ def estimate_scan(served: Served, wanted: ScanIn) -> EstimateOut:
 def resume_scan(served: Served, wanted: ResumeIn) -> JobOut:
     """Go on with a scan that ended early; its cloud is computed as was asked for at its beginning."""
     item = served.library.scan(wanted.scan)
-    begun = next(
-        (job.order for job in served.runner.jobs() if job.scan == item.name and job.kind == "scan"), None
-    )
-    computing = _as(ScanIn, begun) or ScanIn()
+    before = _scan_jobs(served, item.name)
+    computing = (_as(ScanIn, before[0].order) if before else None) or ScanIn()
     computing.title = item.title
     order = ScanOrder(
         item.folder, None, served.bench_spec, takes_target=wanted.accept_position,
@@ -356,6 +355,8 @@ def retry_job(served: Served, job_id: str, wanted: RetryIn) -> JobOut:
     job = served.runner.job(job_id)
     if not job.state.has_ended:
         raise OptionError(f"The job {job.title!r} has not ended.", "Resume it where it is paused.")
+    if job.kind == "scan":
+        _scan_jobs(served, job.scan)
     if job.can_resume:
         return resume_scan(served, ResumeIn(scan=job.scan, accept_position=wanted.accept_position))
     if job.kind == "scan" and _is_taken(served, job.scan):
@@ -397,6 +398,15 @@ def _as(model: type[Order], order: Mapping[str, Any] | None) -> Order | None:
         return model.model_validate(order)
     except ValidationError:
         return None
+
+
+def _scan_jobs(served: Services, name: str) -> list[JobSnapshot]:
+    """The jobs that took a scan so far, newest first. Raises ScanBusy while one of them has not ended."""
+    jobs = [job for job in served.runner.jobs() if job.kind == "scan" and job.scan == name]
+    for job in jobs:
+        if not job.state.has_ended:
+            raise ScanBusy(f"The scan {job.title!r} is gone on with already.", "Follow the job that does it.")
+    return jobs
 
 
 def _is_taken(served: Services, name: str) -> bool:
