@@ -68,6 +68,7 @@ class JobRunner:
         scan: str = "",
         order: Mapping[str, Any] | None = None,
         expected_s: float | None = None,
+        on_dropped: Callable[[], None] = lambda: None,
     ) -> JobSnapshot:
         """Take a job; it begins at once, or when those before it have ended.
 
@@ -76,6 +77,7 @@ class JobRunner:
             work: does it.
             needs_bench: only one such job runs at a time.
             expected_s: how long its first part should take.
+            on_dropped: called where it is cancelled before it has begun.
         """
         now = datetime.now(UTC)
         with self._lock:
@@ -85,7 +87,7 @@ class JobRunner:
             snapshot = JobSnapshot(
                 self._new_id(now), kind, title, JobState.QUEUED, now, scan=scan, order=order, number=number
             )
-            job = _Job(snapshot, work, needs_bench, Pace(expected_s), expected_s)
+            job = _Job(snapshot, work, needs_bench, Pace(expected_s), expected_s, on_dropped)
             self._jobs[snapshot.id] = job
             self._waiting.append(job)
             self._changed(job)
@@ -168,6 +170,7 @@ class JobRunner:
                 self._waiting.remove(job)
             callbacks = tuple(job.on_cancel)
         if is_waiting:
+            job.on_dropped()
             self._end(job, JobState.CANCELLED)
             return self._shown(job.snapshot)
         for callback in callbacks:
@@ -362,6 +365,7 @@ class _Job:
     needs_bench: bool
     pace: Pace = field(default_factory=Pace)
     expected_s: float | None = None
+    on_dropped: Callable[[], None] = lambda: None
     lines: deque[str] = field(default_factory=lambda: deque(maxlen=_LINES_KEPT))
     on_cancel: list[Callable[[], None]] = field(default_factory=list)
     may_run: threading.Event = field(default_factory=threading.Event)

@@ -137,8 +137,10 @@ def test_cancelling_calls_who_can_stop_what_is_under_way(runner: JobRunner) -> N
 def test_a_job_that_waits_its_turn_can_be_cancelled(runner: JobRunner) -> None:
     gate = threading.Event()
     first = runner.submit("scan", "first", _waiting(gate), needs_bench=True)
-    second = runner.submit("scan", "second", _waiting(gate), needs_bench=True)
+    dropped = threading.Event()
+    second = runner.submit("scan", "second", _waiting(gate), needs_bench=True, on_dropped=dropped.set)
     assert runner.cancel(second.id).state is JobState.CANCELLED
+    assert dropped.is_set()
     gate.set()
     assert _ended(runner, first.id).state is JobState.DONE
 

@@ -1,6 +1,7 @@
 """Jobs that are asked for: each kind with its options, and again."""
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Annotated, Any, Literal, TypeVar
 
 from fastapi import APIRouter
@@ -451,11 +452,12 @@ def _submitted(
     scan: str = "",
     needs_bench: bool = False,
     expected_s: float | None = None,
+    on_dropped: Callable[[], None] = lambda: None,
 ) -> JobOut:
-    order = wanted.model_dump(mode="json")
     job = served.runner.submit(
-        kind, title, work, needs_bench=needs_bench, scan=scan, order=order, expected_s=expected_s
-    )
+        kind, title, work, needs_bench=needs_bench, scan=scan, order=wanted.model_dump(mode="json"),
+        expected_s=expected_s, on_dropped=on_dropped,
+    )  # fmt: skip
     return shown(job)
 
 
@@ -475,5 +477,12 @@ def _submitted_scan(
         finally:
             served.on_scan_end()
 
-    name = order.folder.name
-    return _submitted(served, "scan", title, work, wanted, scan=name, needs_bench=True, expected_s=expected_s)
+    def drop() -> None:
+        # Only the empty folder of a scan that was never begun.
+        with suppress(OSError):
+            order.folder.rmdir()
+
+    return _submitted(
+        served, "scan", title, work, wanted, scan=order.folder.name, needs_bench=True,
+        expected_s=expected_s, on_dropped=drop,
+    )  # fmt: skip
