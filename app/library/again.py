@@ -17,7 +17,6 @@ from app.library.derived import put_files
 from app.library.item import CALIBRATION_FILE, CloudItem
 from app.library.library import Library
 from app.library.log import write_line
-from app.library.thumbnail import paint_thumbnail
 from app.library.work import settle, work_folder
 from app.recording.reader import Recording
 from app.scanning.drift import DriftReference
@@ -94,7 +93,7 @@ def reconstruct_again(
                 painter.add(profile.cloud)
                 progress(done, max(run.total, done), ply.points)
         report = run.report()
-        paint_thumbnail(work / "cloud.png", painter)
+        painter.write(work / "cloud.png")
         created = datetime.now(UTC)
         how = _how(created, detector, options, report, record, time.monotonic() - began_s)
         write_whole(work / "cloud.json", how)

@@ -13,7 +13,6 @@ from app.library.item import CLOUDS_FOLDER, CloudItem, ScanItem
 from app.library.library import Library
 from app.library.log import write_line
 from app.library.names import checked_title, free_name
-from app.library.thumbnail import paint_thumbnail
 from app.library.work import changing, settle, work_folder
 from app.surface.ply import write_ply
 from app.surface.preview import PreviewPainter
@@ -74,7 +73,7 @@ def _write(work: Path, cloud: PointCloud, how: Json) -> datetime:
     write_ply(work / "cloud.ply", cloud)
     painter = PreviewPainter()
     painter.add(cloud)
-    paint_thumbnail(work / "cloud.png", painter)
+    painter.write(work / "cloud.png")
     document = {"format": "turnscan-cloud", "version": 1, "created": created.isoformat(), **how}
     text = json.dumps(document, indent=1, ensure_ascii=False, allow_nan=False)
     write_whole(work / "cloud.json", text.encode() + b"\n")

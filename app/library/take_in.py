@@ -32,7 +32,6 @@ from app.library.limits import (
 )
 from app.library.log import LOG_FILE, write_line
 from app.library.names import checked_title, slug
-from app.library.thumbnail import paint_thumbnail
 from app.library.unpack import unpack
 from app.library.work import work_folder
 from app.recording.journal import JOURNAL_FILE, MANIFEST_FILE
@@ -182,7 +181,7 @@ def _check_cloud(path: Path, limits: Limits) -> None:
     for piece in PlyFile.open(path).pieces():
         painter.add(piece)
     if not path.with_suffix(".png").exists():
-        paint_thumbnail(path.with_suffix(".png"), painter)
+        painter.write(path.with_suffix(".png"))
 
 
 def _title_of(called: str) -> str:
