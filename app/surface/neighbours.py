@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from app.errors import SurfaceError
-from app.geometry.arrays import Floats, Points
+from app.geometry.arrays import Floats, Points, Vector3
 
 MOST_POINTS = 20_000_000
 """More are refused: a tree of them and their neighbours would not fit into a usual machine's memory."""
@@ -120,14 +120,19 @@ def cell_keys(points: NDArray[Any], size_mm: float) -> NDArray[np.int64]:
     return keys
 
 
+def surroundings(points: NDArray[Any]) -> tuple[Vector3, float]:
+    """The middle (3,) of points (N, 3), and how far around it all are but a few far away, mm."""
+    sample = points[:: -(-len(points) // _SAMPLE)].astype(np.float64)
+    middle = np.median(sample, axis=0)
+    return middle, _CLIP * max(float(np.median(np.abs(sample - middle).max(axis=1))), 1e-6)
+
+
 def _along_curve(points: NDArray[Any]) -> NDArray[np.int64]:
     """(N,) position on a curve through all of space that keeps neighbours together (Morton's order)."""
     if not len(points):
         return np.zeros(0, np.int64)
-    sample = points[:: -(-len(points) // _SAMPLE)].astype(np.float64)
-    middle = np.median(sample, axis=0)
-    # A few points at the end of the world must not put all others into one cell.
-    reach = _CLIP * max(float(np.median(np.abs(sample - middle).max(axis=1))), 1e-6)
+    # A few points far away must not put all others into one cell.
+    middle, reach = surroundings(points)
     code = np.zeros(len(points), np.int64)
     for axis in range(3):
         level = np.clip((points[:, axis] - middle[axis]) / (2.0 * reach) + 0.5, 0.0, 1.0)

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import breadth_first_order, connected_components, mini
 
 from app.geometry.arrays import Floats, Points
 from app.geometry.cloud import PointCloud
-from app.surface.neighbours import Places, cell_keys, is_finite
+from app.surface.neighbours import Places, cell_keys, is_finite, surroundings
 from app.surface.view_direction import knows_angles, towards_camera
 
 _NEIGHBOURS = 12
@@ -76,7 +76,8 @@ def least_spread(places: Places, neighbours: int = _NEIGHBOURS) -> NDArray[np.fl
     if not len(places):
         return found
     # About the middle, single precision is finer than the points themselves, and half as much to move.
-    x, y, z = np.ascontiguousarray((places.points - np.median(places.points, axis=0)).T, np.float32)
+    middle, reach = surroundings(places.points)
+    x, y, z = np.ascontiguousarray(((places.points - middle) / reach).T, np.float32)
     count = np.arange(1, min(neighbours, len(places)) + 1)
 
     def work(start: int) -> None:
@@ -133,13 +134,16 @@ def _smallest_eigenvector(spread: Floats) -> Floats:
 
 def _turned_outwards(places: Places, normals: NDArray[np.float32]) -> NDArray[np.float32]:
     """The same, each of them out of the surface."""
-    extent = float(np.ptp(places.points, axis=0).max())
+    # A few points far away must not make the patches of all others larger.
+    around, reach = surroundings(places.points)
+    points = np.clip(places.points, around - reach, around + reach)
+    extent = float(np.ptp(points, axis=0).max())
     spacing = places.spacing_mm()
     # Points strewn at random lie twice as far apart as the usual distance to the nearest of them.
     size = spacing * max(_PATCH_SPACINGS, 2.0 * math.sqrt(2.0 * len(places) / _MOST_PATCHES))
     size = max(size, extent / (1 << 20))
     while True:
-        _, patch = np.unique(cell_keys(places.points, size), return_inverse=True)
+        _, patch = np.unique(cell_keys(points, size), return_inverse=True)
         count = int(patch.max()) + 1
         if count <= _MOST_PATCHES:
             break
@@ -152,7 +156,7 @@ def _turned_outwards(places: Places, normals: NDArray[np.float32]) -> NDArray[np
     middle, mean = np.empty((count, 3)), np.empty((count, 3))
     members = np.bincount(patch, minlength=count)
     for axis in range(3):
-        middle[:, axis] = np.bincount(patch, places.points[:, axis], count) / members
+        middle[:, axis] = np.bincount(patch, points[:, axis], count) / members
         mean[:, axis] = np.bincount(patch, aligned[:, axis], count)
     mean /= np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
     sign = _signs(middle, mean)

@@ -129,7 +129,11 @@ def test_smoothing_halves_the_noise_keeps_a_step_and_does_not_shrink_a_ball() ->
 def test_normals_of_a_foreign_cloud_look_outwards() -> None:
     cloud = ball(20_000, 0.01)
     ring = cloud.select((np.abs(cloud.points[:, 2] - 30.0) < 12.0) & (cloud.points[:, 0] > -12.0))
-    for each in (cloud, ring):
+    # A stray point far away changes nothing for the others.
+    stray = PointCloud.joined(
+        [cloud, replace(cloud.select(np.arange(1)), points=np.full((1, 3), 1e9, np.float32))]
+    )
+    for each in (cloud, ring, stray):
         found = with_normals(replace(each, normals=np.zeros_like(each.normals)))
         facing = np.einsum("ij,ij->i", found.normals, each.normals)
         assert np.mean(facing > 0.95) > 0.99

@@ -69,6 +69,8 @@ def test_copies_and_points_at_no_place_are_left_out() -> None:
         finish([ball.select(np.zeros(1_000, np.intp))])
     with pytest.raises(SurfaceError, match="0 different places"):
         finish([PointCloud.empty()])
+    with pytest.raises(SurfaceError, match=r"lie up to 4e\+29 mm apart; a surface may be 1e\+07 mm wide"):
+        finish([replace(ball, points=ball.points * np.float32(1e28))])
 
 
 def test_too_many_points_are_thinned_evenly(tmp_path: Path) -> None:

@@ -30,6 +30,8 @@ _FEWEST_POINTS = 50
 _SPACING_SAMPLE = 5_000
 _SNAP_CELLS = 1.5
 _TRIM_CELLS = 2.0
+# Ten kilometres: beyond it lies what was read wrongly.
+_LARGEST_MM = 1e7
 # Lower things are not told from the noise of their base.
 _LEAST_CELLS = 3.0
 
@@ -126,10 +128,16 @@ def _usable(cloud: PointCloud) -> _Usable:
     if np.count_nonzero(is_usable) < _FEWEST_POINTS:
         raise SurfaceError(
             f"Only {np.count_nonzero(is_usable)} points have a normal; a surface needs {_FEWEST_POINTS}.",
-            "Scan again, or estimate normals first.",
+            "Look whether they lie on a surface and not on lines.",
         )
     points = cloud.points[is_usable].astype(np.float64)
-    if np.ptp(points, axis=0).max() < 1e-3:
+    extent = float(np.ptp(points, axis=0).max())
+    if extent > _LARGEST_MM:
+        raise SurfaceError(
+            f"The points lie up to {extent:.2g} mm apart; a surface may be {_LARGEST_MM:.0g} mm wide.",
+            "Look in which unit the file is, or remove what lies far away.",
+        )
+    if extent < 1e-3:
         raise SurfaceError("All points lie in one place.", "Look at the cloud in the 3D view.")
     normals = cloud.normals[is_usable] / lengths[is_usable, None]
     sigma = cloud.sigma_mm[is_usable].astype(np.float64)
