@@ -1,5 +1,6 @@
 """Recordings shared out among the workers of a Dask cluster, which see the same folders as this machine."""
 
+import logging
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -32,6 +33,8 @@ def on_cluster(tasks: Sequence[Task], order: BatchOrder, scheduler: str) -> Iter
         raise OptionError(
             "--scheduler needs Dask, which is not installed.", "Install it with: pip install '.[cluster]'."
         ) from None
+    # It logs what is told in a sentence here, as tracebacks.
+    logging.getLogger("distributed.client").setLevel(logging.CRITICAL)
     try:
         client = Client(scheduler, timeout=_PATIENCE_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
