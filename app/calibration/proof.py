@@ -6,7 +6,6 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from app.calibration.board_views import BoardView, board_views
 from app.calibration.record import CalibrationRecord
@@ -302,6 +301,9 @@ def _sway(views: Sequence[BoardView], rig: Rig) -> _Sway:
         return np.concatenate([in_sigmas, turned, [1e3 * np.mean(turned)]])
 
     middle = len(views) // 2
+    # A quarter of a second, which the server's start can do without.
+    from scipy.optimize import least_squares
+
     start = rig.axis.table_from_camera(angles[middle]) @ views[middle].pose.camera_from_board
     first = np.concatenate([start.rvec, start.translation, np.zeros(2 + len(views))])
     scale = np.concatenate([np.full(3, 0.01), np.ones(5), np.full(len(views), 0.01)])

@@ -4,16 +4,18 @@ import base64
 import html
 import io
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from app.calibration.outcome import CalibrationOutcome, ViewResidual
 from app.calibration.projection import CAMERA_NAMES
 from app.errors import OptionError
 from app.files import write_whole
 from app.geometry.arrays import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 _LONGEST_ARROW = 0.03
 
@@ -107,6 +109,9 @@ def _angle_errors(outcome: CalibrationOutcome) -> Floats:
 
 
 def _picture(outcome: CalibrationOutcome) -> bytes:
+    # Half a second, which the server's start can do without.
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(14.0, 8.4), layout="constrained")
     places = figure.subplots(2, 3)
     record = outcome.record
@@ -129,7 +134,7 @@ def _picture(outcome: CalibrationOutcome) -> bytes:
     return out.getvalue()
 
 
-def _draw_residual_field(ax: Axes, outcome: CalibrationOutcome) -> None:
+def _draw_residual_field(ax: "Axes", outcome: CalibrationOutcome) -> None:
     width, height = outcome.record.camera.size
     corners, residuals = outcome.corner_pixels, outcome.corner_residuals
     if len(corners):
@@ -150,7 +155,7 @@ def _round_number(value: float) -> float:
     return float(max(step * power for step in (1.0, 2.0, 5.0) if step * power <= value))
 
 
-def _draw_residual_cloud(ax: Axes, outcome: CalibrationOutcome) -> None:
+def _draw_residual_cloud(ax: "Axes", outcome: CalibrationOutcome) -> None:
     ax.set_title("Corner residuals")
     residuals = outcome.corner_residuals
     reach = 4.0 * float(np.sqrt(np.mean(residuals**2))) if len(residuals) else 1.0
@@ -160,7 +165,7 @@ def _draw_residual_cloud(ax: Axes, outcome: CalibrationOutcome) -> None:
     ax.grid(alpha=0.3)
 
 
-def _draw_coverage(ax: Axes, outcome: CalibrationOutcome) -> None:
+def _draw_coverage(ax: "Axes", outcome: CalibrationOutcome) -> None:
     width, height = outcome.record.camera.size
     ax.set_title(f"Corners seen per field ({100.0 * outcome.coverage.share:.0f} % reached)")
     counts = outcome.coverage.counts.astype(float)
@@ -172,7 +177,7 @@ def _draw_coverage(ax: Axes, outcome: CalibrationOutcome) -> None:
     ax.set(xlabel="u, px", ylabel="v, px")
 
 
-def _draw_views(ax: Axes, outcome: CalibrationOutcome) -> None:
+def _draw_views(ax: "Axes", outcome: CalibrationOutcome) -> None:
     ax.set_title("Corners, RMS of each view")
     for role in dict.fromkeys(view.role for view in outcome.views):
         mine = [(k, v.corner_px) for k, v in enumerate(outcome.views) if v.role is role]
@@ -182,7 +187,7 @@ def _draw_views(ax: Axes, outcome: CalibrationOutcome) -> None:
     _legend(ax)
 
 
-def _draw_stripes(ax: Axes, outcome: CalibrationOutcome) -> None:
+def _draw_stripes(ax: "Axes", outcome: CalibrationOutcome) -> None:
     ax.set_title("Stripe to laser plane, RMS of each view on a board")
     for name in outcome.record.lasers:
         mine = [(k, v.stripe_mm[name]) for k, v in enumerate(outcome.views) if _has_board_stripe(v, name)]
@@ -197,7 +202,7 @@ def _has_board_stripe(view: ViewResidual, laser: str) -> bool:
     return laser in view.stripe_mm and np.isfinite(view.corner_px) and view.role.value != "scan"
 
 
-def _draw_wobble(ax: Axes, outcome: CalibrationOutcome) -> None:
+def _draw_wobble(ax: "Axes", outcome: CalibrationOutcome) -> None:
     ax.set_title("Table: solved minus commanded angle")
     turned = [v for v in outcome.views if np.isfinite(v.angle_error_deg)]
     if turned:
@@ -209,7 +214,7 @@ def _draw_wobble(ax: Axes, outcome: CalibrationOutcome) -> None:
     ax.set(xlabel="commanded, degrees", ylabel="degrees")
 
 
-def _legend(ax: Axes) -> None:
+def _legend(ax: "Axes") -> None:
     if ax.get_legend_handles_labels()[0]:
         ax.legend(frameon=False)
 
