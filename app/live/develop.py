@@ -30,11 +30,13 @@ class Flavour:
         kind: what it shows.
         width: columns at most; None for those of the settings.
         is_packed: a mask as bits, not as JPEG.
+        is_captioned: whether words are written into it, for viewers that cannot say them beside it.
     """
 
     kind: Kind
     width: int | None = None
     is_packed: bool = False
+    is_captioned: bool = True
 
     @property
     def is_as_it_comes(self) -> bool:
@@ -66,11 +68,14 @@ def develop(flavour: Flavour, sight: Sight, found: Found, own_jpeg: bytes | None
         if flavour.is_packed:
             return _numbered(flavour, sight, found).with_bits(mask > 0)
         return _numbered(flavour, sight, found, _jpeg(mask, sight))
-    return _numbered(flavour, sight, found, _jpeg(painted(sight.image, _marks(sight, found), width), sight))
+    marks = _marks(sight, found)
+    if flavour.is_captioned:
+        marks = replace(marks, captions=sight.captions)
+    return _numbered(flavour, sight, found, _jpeg(painted(sight.image, marks, width), sight))
 
 
 def nothing_new(flavour: Flavour, last: Frame | None, problem: str) -> LivePicture:
-    """Says that no picture comes: the last one dimmed with the sentence on it; no stripes, nothing lit.
+    """Says that no picture comes: the last one dimmed, with the sentence on it; no stripes, nothing lit.
 
     Args:
         flavour: which.
@@ -86,7 +91,8 @@ def nothing_new(flavour: Flavour, last: Frame | None, problem: str) -> LivePictu
         return picture.with_stripes(())
     if flavour.is_packed:
         return picture.with_bits(np.zeros((size[1], size[0]), np.bool_))
-    image = with_notice(shrunk(_last_image(last), flavour.width), ("No picture.", problem))
+    words = ("No picture.", problem) if flavour.is_captioned else ()
+    image = with_notice(shrunk(_last_image(last), flavour.width), words)
     return LivePicture(
         flavour.kind, encode(image, "jpeg", 80), JPEG, index, exposed_s, size, None, True, problem
     )
@@ -104,7 +110,7 @@ def _marks(sight: Sight, found: Found, every: int = 1) -> Marks:
             corners = np.array(sight.settings.polygon) * sight.frame.size - 0.5
             outlines.append(np.vstack([corners, corners[:1]]))
     board = found.board if found.board is not None and found.board.is_found else None
-    return Marks(stripes, board, found.markers, tuple(outlines), sight.captions)
+    return Marks(stripes, board, found.markers, tuple(outlines))
 
 
 def _width(flavour: Flavour, sight: Sight) -> int | None:

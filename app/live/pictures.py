@@ -127,6 +127,7 @@ class LivePictures:
         *,
         width: int | None = None,
         is_packed: bool = False,
+        is_captioned: bool = True,
         on_ready: Callable[[], None] | None = None,
     ) -> LiveViewer:
         """A new viewer, to be closed by whoever asked for it.
@@ -135,6 +136,7 @@ class LivePictures:
             kind: what it sees.
             width: columns of its pictures at most, rounded up to a usual number; None for the settings'.
             is_packed: a mask as bits for a page that draws it, not as JPEG.
+            is_captioned: whether words are written into pictures; a page says them in its own language.
             on_ready: told, from whatever thread, that a picture waits; must not wait for anything. A viewer
                 whose callback raises is forgotten.
 
@@ -143,7 +145,7 @@ class LivePictures:
         """
         if is_packed and kind is not Kind.MASK:
             raise OptionError(f"is_packed: only a mask can be had as bits, not {kind}.", "Leave it out.")
-        seat = Seat(Flavour(kind, usual_width("width", width), is_packed), on_ready)
+        seat = Seat(Flavour(kind, usual_width("width", width), is_packed, is_captioned), on_ready)
         with self._changed:
             if self._is_closed:
                 seat.leave()

@@ -10,9 +10,12 @@ from counted_camera import SIZE, stripe_picture
 from app.devices.camera_driver import RawFrame
 from app.devices.frame import Frame, LazyPicture, Mounting
 from app.live.dark import DarkReference
+from app.live.develop import Flavour, develop
 from app.live.known import Known
-from app.live.settings import LiveSettings
+from app.live.search import Found
+from app.live.settings import Kind, LiveSettings
 from app.live.sight import Sight
+from app.recording.picture import decode
 from app.scanning.region import Region
 from app.scanning.sources import scan_detector
 from app.simulation.rig import standard_rig
@@ -42,8 +45,16 @@ def test_the_mask_is_the_papers_thresholded_picture() -> None:
 def test_with_all_lasers_off_there_is_no_stripe_but_a_mask_of_what_disturbs() -> None:
     seen = sight(stripe_picture(5), lit=())
     assert seen.stripes == ()
-    assert seen.captions == ("no laser on",)
     assert seen.mask.any()
+
+
+def test_words_are_written_only_for_viewers_that_cannot_say_them_beside_the_picture() -> None:
+    seen = sight(stripe_picture(5), lit=())
+    assert seen.captions == ("no laser on",)
+    flavours = (Flavour(Kind.OVERLAY), Flavour(Kind.OVERLAY, is_captioned=False))
+    told, bare = (decode(develop(each, seen, Found(), None).data, SIZE)[:20, :80] for each in flavours)
+    assert told.max() > 230
+    assert bare.max() < 200
 
 
 def test_a_bench_without_named_lasers_is_looked_at_all_the_same() -> None:

@@ -23,6 +23,19 @@ test("what a sentence leaves open is said in German too, where it is known", () 
   );
 });
 
+test("of what a device or a file has to say, its name stays as it is", () => {
+  expect(phrased("Grbl on /dev/ttyUSB0: did not answer 'a picture' within 2.5 s", phrases)).toBe(
+    "Grbl on /dev/ttyUSB0: hat auf ein Bild 2.5 s lang nicht geantwortet",
+  );
+  expect(phrased("uvc: has gone and did not come back (uvc: sends no more pictures)", phrases)).toBe(
+    "uvc: ist weg und kam nicht wieder (uvc: schickt keine Bilder mehr)",
+  );
+  expect(phrased("grbl: /dev/ttyUSB0 cannot be opened ([Errno 5] Input)", phrases)).toBe(
+    "grbl: /dev/ttyUSB0 lässt sich nicht öffnen ([Errno 5] Input)",
+  );
+  expect(phrased("grbl: something entirely new", phrases)).toBeNull();
+});
+
 test("what is not known stays, even beside what is", () => {
   expect(phrased("Something entirely new.", phrases)).toBeNull();
   expect(phrased("Fix the camera in place and calibrate again. And another thing.", phrases)).toBeNull();

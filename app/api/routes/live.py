@@ -146,16 +146,24 @@ async def stream_pictures(
 
 @router.websocket("/{kind}")
 async def socket_pictures(
-    socket: WebSocket, served: Served, kind: Kind, width: Width = None, packed: bool = False
+    socket: WebSocket,
+    served: Served,
+    kind: Kind,
+    width: Width = None,
+    packed: bool = False,
+    captions: bool = True,
 ) -> None:
     """The newest picture whenever the client asks, which it does by any message, once it has shown the last.
 
-    What it asks while a picture is on its way counts once.
+    What it asks while a picture is on its way counts once. Without captions no words are written into it.
     """
     await socket.accept()
     nudge = Nudge()
     is_packed = packed and kind is Kind.MASK
-    with served.live.watch(kind, width=width, is_packed=is_packed, on_ready=nudge) as viewer:
+    watching = served.live.watch(
+        kind, width=width, is_packed=is_packed, is_captioned=captions, on_ready=nudge
+    )
+    with watching as viewer:
         await until_one_ends(_ask(socket, viewer), _show(socket, viewer, nudge))
 
 

@@ -131,7 +131,8 @@ export function watch(options: LiveOptions): () => void {
   function open() {
     timer = undefined;
     if (socket || document.visibilityState !== "visible") return;
-    const query = new URLSearchParams({ packed: String(options.kind === "mask") });
+    // The page has words of its own.
+    const query = new URLSearchParams({ captions: "false", packed: String(options.kind === "mask") });
     if (options.width) query.set("width", String(options.width));
     const mine = (socket = new WebSocket(socketAddress(`${API}/live/${options.kind}?${query}`)));
     mine.binaryType = "arraybuffer";

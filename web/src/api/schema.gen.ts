@@ -4860,12 +4860,15 @@ export interface components {
             steps: {
                 [key: string]: unknown;
             }[] | null;
+            /** Texture Px */
+            texture_px?: number | null;
         };
         /**
          * MeshOut
          * @description A mesh of a scan; see `MeshItem`. `path` takes `?form=stl` and others. `made` is null where unknown.
          * @example {
          *       "created": "2026-11-21T10:20:00Z",
+         *       "has_texture": false,
          *       "name": "2026-11-21T10-20-00Z-print.ply",
          *       "path": "/api/v1/scans/a-mug/meshes/2026-11-21T10-20-00Z-print.ply",
          *       "size_bytes": 861232,
@@ -4879,6 +4882,8 @@ export interface components {
              * Format: date-time
              */
             created: string;
+            /** Has Texture */
+            has_texture: boolean;
             made: components["schemas"]["MeshMadeOut"] | null;
             /** Name */
             name: string;
@@ -6005,6 +6010,7 @@ export interface components {
          *         steps: that clean the cloud, in order; those of the preset where absent.
          *         mesh: how the mesh is made; whatever is absent is as the preset has it.
          *         has_mesh: whether there is to be one.
+         *         texture_px: sides of a picture with its colours, at most; no picture where absent.
          *         keeps_cloud: the cleaned cloud becomes another cloud of the scan.
          * @example {
          *       "mesh": {
@@ -6039,6 +6045,8 @@ export interface components {
             steps?: {
                 [key: string]: unknown;
             }[] | null;
+            /** Texture Px */
+            texture_px?: number | null;
         };
         /**
          * SurfaceMeasureIn
@@ -10248,8 +10256,8 @@ export interface operations {
     download_mesh: {
         parameters: {
             query?: {
-                /** @description What the file is to be. */
-                form?: "ply" | "stl" | "3mf" | "obj" | "glb" | "off";
+                /** @description What the file is to be. Where the mesh has a texture, GLB holds it, and `obj-zip` is a zip file of an OBJ with its material and its picture. */
+                form?: "ply" | "stl" | "3mf" | "obj" | "glb" | "off" | "obj-zip";
                 /** @description Of the numbers in it; GLB is in metres. */
                 unit?: components["schemas"]["Unit"];
             };
@@ -10287,6 +10295,7 @@ export interface operations {
                 };
                 content: {
                     "application/octet-stream": unknown;
+                    "application/zip": unknown;
                     "model/3mf": unknown;
                     "model/gltf-binary": unknown;
                     "model/obj": unknown;

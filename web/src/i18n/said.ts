@@ -9,7 +9,10 @@ export interface Sentences {
 
 export type Values = Record<string, unknown>;
 
-/** The first phrase whose words these are; null where there is none. What it leaves open is looked up as well. */
+/**
+ * The first phrase whose words these are; null where there is none. What it leaves open is looked up as well,
+ * within quotation marks too. Of `where: what` the place stays as it is.
+ */
 export function phrased(
   words: string,
   phrases: Sentences["phrases"],
@@ -21,12 +24,33 @@ export function phrased(
     const values = Object.entries(found.groups ?? {});
     return filled(
       other,
-      Object.fromEntries(
-        values.map(([name, value]) => [name, phrased(value, phrases, rewritten) ?? rewritten(value)]),
-      ),
+      Object.fromEntries(values.map(([name, value]) => [name, opened(value, phrases, rewritten)])),
     );
   }
-  return sentenceBySentence(words, phrases, rewritten);
+  return sentenceBySentence(words, phrases, rewritten) ?? placed(words, phrases, rewritten);
+}
+
+function opened(
+  value: string,
+  phrases: Sentences["phrases"],
+  rewritten: (numbers: string) => string,
+): string {
+  const quoted = /^(['"])(.*)\1$/s.exec(value)?.[2];
+  const said = phrased(quoted ?? value, phrases, rewritten);
+  return said ?? (quoted === undefined ? rewritten(value) : value);
+}
+
+/** Of a device or a file. */
+function placed(
+  words: string,
+  phrases: Sentences["phrases"],
+  rewritten: (numbers: string) => string,
+): string | null {
+  for (const { index } of words.matchAll(/: /g)) {
+    const what = phrased(words.slice(index + 2), phrases, rewritten);
+    if (what !== null) return words.slice(0, index + 2) + what;
+  }
+  return null;
 }
 
 const NUMBER = /\d{1,3}(?:,\d{3})+(?:\.\d+)?|\d+(?:\.\d+)?/;

@@ -1,14 +1,7 @@
-/** What can be asked of the scanner from everywhere. */
+/** What can be asked of every job. */
 import { api, asked } from "../api/client";
 import type { JobOut } from "../api/schema.gen";
-import { t } from "../i18n/index.svelte";
-import { attempt, tell } from "../notices.svelte";
-
-/** Emergency stop: lasers off, table stopped; the job that used them ends. */
-export async function stopEverything(): Promise<void> {
-  const isDone = await attempt(() => asked(api.POST("/api/v1/bench/stop")));
-  if (isDone) tell({ tone: "warning", sentence: t("shell.stopped"), hint: t("shell.stoppedHint") });
-}
+import { attempt } from "../notices.svelte";
 
 type Verb = "pause" | "resume" | "cancel";
 

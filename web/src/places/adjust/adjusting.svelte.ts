@@ -1,6 +1,6 @@
 /** What the sheets of this place share: the server's live settings, the camera's controls, what is shown. */
 import { api, asked } from "../../api/client";
-import { watch, type LiveNumbers } from "../../api/live";
+import { watch, type LiveFacts, type LiveNumbers } from "../../api/live";
 import type { ControlName, ControlOut, LiveIn, LiveOut, Use } from "../../api/schema.gen";
 import { attempt } from "../../notices.svelte";
 import { newestWins } from "./newest";
@@ -12,6 +12,7 @@ type Value = number | "auto";
 let settings = $state.raw<LiveOut | null>(null);
 let controls = $state.raw<readonly ControlOut[] | null>(null);
 let numbers = $state.raw<LiveNumbers | null>(null);
+let stripes = $state.raw<LiveFacts["stripes"]>();
 let sharpest = $state(0);
 
 /** What is looked at and for which pictures the camera is set; it outlasts a visit. */
@@ -33,6 +34,10 @@ export const adjusting = {
   },
   get numbers(): LiveNumbers | null {
     return numbers;
+  },
+  /** Of each laser that is looked for; undefined until there was a picture. */
+  get stripes(): LiveFacts["stripes"] {
+    return stripes;
   },
   /** The best focus since it was forgotten. */
   get sharpest(): number {
@@ -109,8 +114,12 @@ export function followNumbers(): () => void {
     kind: "stripe",
     show({ facts }) {
       numbers = facts.numbers;
+      stripes = facts.numbers ? facts.stripes : undefined;
       sharpest = Math.max(sharpest, facts.numbers?.focus ?? 0);
     },
-    onLost: () => (numbers = null),
+    onLost() {
+      numbers = null;
+      stripes = undefined;
+    },
   });
 }
