@@ -2,8 +2,8 @@
 
 import os
 import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import BinaryIO
 
@@ -50,6 +50,46 @@ def replacing(path: Path, *, is_durable: bool = True, mode: int | None = None) -
     finally:
         if beside is not None:
             beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def together(paths: Sequence[Path]) -> Iterator[Mapping[Path, Path]]:
+    """Several files that all take their places when the block ends well, and otherwise none of them.
+
+    Args:
+        paths: where they belong, each once.
+
+    Yields:
+        For each of them where it is to be written: under its own name, in a hidden folder beside its place.
+
+    Raises:
+        OutputError: any failure of the file system, naming the file by its own place.
+    """
+    with ExitStack() as folders:
+        beside: dict[Path, Path] = {}
+        rooms: dict[Path, Path] = {}
+        for path in paths:
+            try:
+                if path.parent not in rooms:
+                    room = tempfile.TemporaryDirectory(
+                        prefix=".turnscan.", suffix=".part", dir=path.parent, ignore_cleanup_errors=True
+                    )
+                    rooms[path.parent] = Path(folders.enter_context(room))
+            except OSError as error:
+                raise OutputError(str(path), reason(error)) from error
+            beside[path] = rooms[path.parent] / path.name
+        try:
+            yield beside
+        except OutputError as error:
+            own = {str(place): path for path, place in beside.items()}.get(error.where)
+            if own is None:
+                raise
+            raise OutputError(str(own), error.problem, error.hint) from error
+        for path, place in beside.items():
+            try:
+                place.replace(path)
+            except OSError as error:
+                raise OutputError(str(path), reason(error)) from error
 
 
 def make_folder(path: Path) -> None:

@@ -17,7 +17,6 @@ from app.surface.finish import Finish, Preset, finish, preset_mesh
 from app.surface.joining.join import Joined
 from app.surface.meshing.options import MeshOptions
 from app.surface.step import STEPS, StepDocument, parse_step
-from app.surface.texture import Texture, paint_texture
 
 _DOUBTFUL = 1
 _PARTS = 1000
@@ -111,9 +110,9 @@ def surface_command(
         preset=preset,
         mesh=_mesh_options(preset, changed),
         steps=() if no_steps else tuple(map(_step, step)) if step else None,
+        texture_px=texture,
     )
     whole: Joined | None = None
-    painted: Texture | None = None
     with progress_bar() as show:
         read = read_clouds(clouds)
         if is_joined:
@@ -130,15 +129,11 @@ def surface_command(
         )
         mesh = done.mesh
         assert mesh is not None
-        if texture is not None:
-            painted = paint_texture(
-                mesh, done.cloud, texture, lambda share: show("Painting", round(_PARTS * share), _PARTS)
-            )
     if whole is not None:
         say(joined_lines(clouds, whole))
         warn(whole.notes)
         warn(whole.doubts, is_doubt=True)
-    files.write(mesh, painted, done.cloud, None if whole is None else whole.cloud)
+    files.write(mesh, done.texture, done.cloud, None if whole is None else whole.cloud)
     report = done.report
     say(finish_lines(report, mesh))
     warn(report.notes)

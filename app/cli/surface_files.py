@@ -6,17 +6,17 @@ from pathlib import Path
 
 from app.cli.console import check_output
 from app.errors import OptionError
+from app.files import together
 from app.geometry.cloud import PointCloud
 from app.geometry.mesh import TriangleMesh
+from app.surface.exports.textured_obj import beside_obj
 from app.surface.exports.units import Unit
 from app.surface.exports.write import (
     CLOUD_SUFFIXES,
     MESH_SUFFIXES,
     TEXTURE_SUFFIXES,
-    beside_obj,
     write_cloud,
     write_mesh,
-    write_textured,
 )
 from app.surface.texture import Texture
 
@@ -68,20 +68,18 @@ class SurfaceFiles:
     def write(
         self, mesh: TriangleMesh, texture: Texture | None, clean: PointCloud, joined: PointCloud | None
     ) -> None:
-        """All of them.
+        """All of them, or none.
 
         Raises:
-            OutputError: one cannot be written; those before it stay.
+            OutputError: one cannot be written.
         """
-        if self.joined is not None and joined is not None:
-            write_cloud(self.joined, joined)
-        for path in self.meshes:
-            if texture is not None and self._has_texture(path):
-                write_textured(path, mesh, texture, self.unit)
-            else:
-                write_mesh(path, mesh, self.unit)
-        if self.clean is not None:
-            write_cloud(self.clean, clean)
+        with together(list(self.all())) as beside:
+            for path in self.meshes:
+                write_mesh(beside[path], mesh, self.unit, texture)
+            if self.clean is not None:
+                write_cloud(beside[self.clean], clean)
+            if self.joined is not None and joined is not None:
+                write_cloud(beside[self.joined], joined)
 
     @property
     def _clouds(self) -> list[Path]:

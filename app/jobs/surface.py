@@ -4,18 +4,21 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 
+from app.geometry.mesh import TriangleMesh
 from app.jobs.clouds import cloud_of
 from app.jobs.runner import JobContext, Work
 from app.library.derived import keep_cloud
 from app.library.library import Library
+from app.library.mesh_form import MeshForm, mesh_in_form
 from app.library.meshes import keep_mesh
-from app.surface.exports.write import mesh_parts
 from app.surface.finish import Finish, Finished, finish
+from app.surface.texture import Texture
 from app.surface.thinning import Read, read_thinned
 
 _PARTS = 1000
 # What people take home most; their sizes are told beside the buttons.
-_FORMS = ("stl", "3mf", "obj", "glb")
+_FORMS: tuple[MeshForm, ...] = ("stl", "3mf", "obj", "glb")
+_TEXTURED_FORMS: tuple[MeshForm, ...] = ("obj-zip",)
 
 
 def surface_work(
@@ -50,13 +53,18 @@ def surface_work(
             facts["cleaned"] = keep_cloud(library, name, done.cloud, how, words).name
         mesh = done.mesh
         if mesh is not None:
-            sizes = {form: sum(len(part) for part in mesh_parts(f".{form}", mesh)) for form in _FORMS}
-            facts |= {"triangles": len(mesh), "sizes": sizes}
+            facts |= {"triangles": len(mesh), "sizes": _sizes(name, mesh, done.texture)}
             how = {"order": order.model_dump(mode="json"), **facts}
-            facts["mesh"] = keep_mesh(library, name, mesh, how, order.preset)
+            facts["mesh"] = keep_mesh(library, name, mesh, how, order.preset, done.texture)
         return facts
 
     return work
+
+
+def _sizes(scan: str, mesh: TriangleMesh, texture: Texture | None) -> dict[str, int]:
+    """Bytes of the files of each form."""
+    forms = _FORMS if texture is None else (*_FORMS, *_TEXTURED_FORMS)
+    return {form: sum(map(len, mesh_in_form(form, mesh, texture, scan))) for form in forms}
 
 
 def _facts(cloud: str, read: Read, done: Finished) -> dict[str, Any]:

@@ -17,7 +17,11 @@ from app.surface.meshing.options import MeshOptions
 from app.surface.normals import has_normals, with_normals
 from app.surface.printing import PrintReport, check_print
 from app.surface.step import StepDocument, parse_step
+from app.surface.texture import Texture, paint_texture
 from app.surface.thinning import MOST_POINTS, without_copies
+
+TextureSize = Annotated[int, Field(ge=64, le=8192)]
+"""Pixels along the longer side of a picture with a mesh's colours."""
 
 _FEWEST_POINTS = 50
 _GUESS_SAMPLE = 20_000
@@ -60,6 +64,7 @@ class Finish(BaseModel):
         steps: that clean the cloud, in order.
         mesh: how the mesh is made.
         has_mesh: whether there is to be one at all.
+        texture_px: sides of a picture with the mesh's colours, at most; none where it is not given.
         export: endings of the files that are wanted, such as `.stl`.
         most_points: clouds of more are thinned.
     """
@@ -70,6 +75,7 @@ class Finish(BaseModel):
     steps: tuple[StepDocument, ...] | None = None
     mesh: MeshOptions | None = None
     has_mesh: bool = True
+    texture_px: TextureSize | None = None
     export: tuple[str, ...] | None = None
     most_points: Annotated[int, Field(ge=1_000, le=50_000_000)] = MOST_POINTS
 
@@ -154,11 +160,12 @@ class FinishReport:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Finished:
-    """A clean cloud, the mesh of it unless none was wanted, and what was done."""
+    """A clean cloud, the mesh of it unless none was wanted, its colours as a picture, and what was done."""
 
     cloud: PointCloud
     mesh: TriangleMesh | None
     report: FinishReport
+    texture: Texture | None = None
 
 
 def finish(
@@ -205,13 +212,18 @@ def finish(
     report = FinishReport(len(raw), len(raw) - different, thinned, estimated, tuple(done))
     if not order.has_mesh:
         return Finished(cloud, None, report)
-    mesh = make_mesh(cloud, order.mesh_options, lambda words, share: tell(words, 0.3 + 0.6 * share))
+    mesh = make_mesh(cloud, order.mesh_options, lambda words, share: tell(words, 0.3 + 0.5 * share))
+    texture = None
+    if order.texture_px is not None:
+        texture = paint_texture(
+            mesh, cloud, order.texture_px, lambda share: tell("painting", 0.8 + 0.15 * share)
+        )
     tell("checking", 0.95)
     if order.mesh_options.is_closed:
         guessed = _guessed(mesh, cloud, order.mesh_options)
         report = replace(report, guessed_share=guessed, printing=check_print(mesh))
     tell("done", 1.0)
-    return Finished(cloud, mesh, report)
+    return Finished(cloud, mesh, report, texture)
 
 
 def _with_all_normals(cloud: PointCloud, tell: Callable[[str, float], None]) -> tuple[PointCloud, int]:

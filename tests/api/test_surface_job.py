@@ -20,6 +20,7 @@ from app.surface.ply import write_ply
 
 SCAN, MOVED = "ball", "moved"
 _DEADLINE_S = 120.0
+_GREY = 90
 
 
 @pytest.fixture(scope="module")
@@ -58,6 +59,8 @@ def test_a_cloud_becomes_a_mesh_to_download_and_to_show(client: TestClient) -> N
         read = trimesh.load_scene(io.BytesIO(got.content), file_type=form).to_mesh()
         assert read.is_watertight
         assert len(read.faces) == meshes[0]["triangles"]
+    untextured = client.get(meshes[0]["path"], params={"form": "obj-zip"})
+    assert (untextured.status_code, untextured.json()["title"]) == (404, "The mesh has no texture.")
     inches = client.get(meshes[0]["path"], params={"form": "stl", "unit": "inch"})
     read = trimesh.load_mesh(io.BytesIO(inches.content), file_type="stl")
     assert read.extents[0] == pytest.approx(30.0 / 25.4, abs=0.02)
@@ -67,24 +70,39 @@ def test_a_cloud_becomes_a_mesh_to_download_and_to_show(client: TestClient) -> N
     assert shown["extent"]["high"][2] == pytest.approx(30.0, abs=0.3)
 
 
-def test_a_mesh_knows_how_it_was_made_its_cleaned_cloud_is_kept_and_it_is_erased(client: TestClient) -> None:
+def test_a_mesh_knows_how_it_was_made_its_cleaned_cloud_is_kept_and_it_is_erased(
+    client: TestClient, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     presets = {each["preset"]: each for each in client.get(f"{API}/surface/presets/{SCAN}").json()}
     assert [step["kind"] for step in presets["print"]["steps"]] == [
         "quality",
         "table",
         "statistical-outliers",
     ]
-    wanted = {"scan": SCAN, "cloud": "cloud.ply", "mesh": {"cell_mm": 1.2}, "keeps_cloud": True}
+    wanted = {
+        "scan": SCAN, "cloud": "cloud.ply", "mesh": {"cell_mm": 1.2}, "texture_px": 512, "keeps_cloud": True,
+    }  # fmt: skip
     result = _ended(client, client.post(f"{API}/jobs/surface", json=wanted).json()["id"])["result"]
     mesh = client.get(f"{API}/scans/{SCAN}/meshes").json()[-1]
     made = mesh["made"]
     assert (mesh["name"], made["order"]["preset"], made["cloud"]) == (result["mesh"], "print", "cloud.ply")
-    for form in ("stl", "3mf", "obj", "glb"):
-        assert len(client.get(mesh["path"], params={"form": form}).content) == made["sizes"][form]
+    got = {form: client.get(mesh["path"], params={"form": form}) for form in made["sizes"]}
+    assert {form: len(answer.content) for form, answer in got.items()} == made["sizes"]
+    assert mesh["has_texture"]
+    assert made["order"]["texture_px"] == 512
+    assert got["obj-zip"].headers["content-disposition"].endswith('.zip"')
+    for form, ending in (("obj-zip", "zip"), ("glb", "glb")):
+        thing = trimesh.load_scene(io.BytesIO(got[form].content), file_type=ending).to_mesh()
+        assert len(thing.faces) == mesh["triangles"]
+        material = thing.visual.material
+        picture = np.asarray(material.image if form == "obj-zip" else material.baseColorTexture)
+        assert picture.shape[0] <= 512
+        assert np.median(picture) == _GREY
     clouds = {each["name"]: each for each in client.get(f"{API}/scans/{SCAN}").json()["clouds"]}
     assert clouds[result["cleaned"]]["made_by"] == "cleaned"
     assert clouds[result["cleaned"]]["points"] == made["used_points"] < clouds["cloud.ply"]["points"]
     assert client.delete(mesh["path"]).json()["freed_bytes"] > mesh["size_bytes"]
+    assert not list(tmp_path_factory.getbasetemp().rglob(f"{mesh['name'].removesuffix('.ply')}.*"))
     assert mesh["name"] not in {each["name"] for each in client.get(f"{API}/scans/{SCAN}/meshes").json()}
     assert client.delete(mesh["path"]).status_code == 404
     nothing = {"scan": SCAN, "has_mesh": False}
@@ -137,7 +155,7 @@ def _ball(seed: int = 1) -> PointCloud:
     points = normals * (15.0 + 0.02 * rng.normal(size=(8_000, 1))) + [0.0, 0.0, 15.0]
     ones = np.ones(len(points), np.float32)
     cloud = PointCloud(
-        points.astype(np.float32), normals.astype(np.float32), np.full((len(points), 3), 90, np.uint8),
+        points.astype(np.float32), normals.astype(np.float32), np.full((len(points), 3), _GREY, np.uint8),
         0.02 * ones, np.zeros(len(points), np.uint8), 0.0 * ones, ones, ("left",),
     )  # fmt: skip
     return cloud.select(points[:, 2] > 2.0)

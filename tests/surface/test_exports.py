@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 import zipfile
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from clouds import some_cloud
 from numpy.typing import NDArray
 
 from app.errors import OptionError, OutputError, SurfaceError
+from app.files import together
 from app.geometry.arrays import Floats
 from app.geometry.mesh import TriangleMesh
 from app.surface.exports.units import Unit
@@ -23,7 +25,6 @@ from app.surface.exports.write import (
     TEXTURE_SUFFIXES,
     write_cloud,
     write_mesh,
-    write_textured,
 )
 from app.surface.ply_reader import read_ply
 from app.surface.texture import paint_texture
@@ -98,7 +99,7 @@ def test_a_texture_shows_what_is_finer_than_the_triangles(tmp_path: Path, suffix
     assert told == sorted(told)
     assert told[-1] == 1.0
     path = tmp_path / f"a box{suffix}"
-    write_textured(path, box, texture)
+    write_mesh(path, box, texture=texture)
     beside = {each.name for each in tmp_path.iterdir()} - {path.name}
     assert beside == ({"a_box.mtl", "a_box-texture.png"} if suffix == ".obj" else set())
     read = trimesh.load_scene(path).to_mesh()
@@ -177,6 +178,34 @@ def test_a_file_is_whole_or_not_there(tmp_path: Path) -> None:
     with pytest.raises(IndexError):
         write_mesh(tmp_path / "box.stl", broken)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_of_several_files_all_take_their_places_or_none(tmp_path: Path) -> None:
+    stl, obj = tmp_path / "box.stl", tmp_path / "elsewhere" / "box.obj"
+    obj.parent.mkdir()
+    stl.write_text("an earlier one")
+    too_deep = tmp_path / "box.stl" / "box.ply"
+    with (
+        pytest.raises(OutputError, match=r"box\.stl/box\.ply: not a directory"),
+        together([stl, obj, too_deep]) as beside,
+    ):
+        write_mesh(beside[stl], _box())
+
+    def write_and_lose_a_folder(beside: Mapping[Path, Path]) -> None:
+        write_mesh(beside[stl], _box())
+        beside[obj].parent.rmdir()
+        write_mesh(beside[obj], _box())
+
+    with pytest.raises(OutputError) as gone, together([stl, obj]) as beside:
+        write_and_lose_a_folder(beside)
+    assert gone.value.where == str(obj)
+    assert stl.read_text() == "an earlier one"
+    with together([stl, obj]) as beside:
+        write_mesh(beside[obj], _box())
+        write_mesh(beside[stl], _box())
+        assert stl.read_text() == "an earlier one"
+    assert len(trimesh.load_mesh(stl).faces) == len(trimesh.load_mesh(obj).faces) == 12
+    assert {path.name for path in tmp_path.rglob("*")} == {"box.stl", "elsewhere", "box.obj"}
 
 
 def _box() -> TriangleMesh:

@@ -28,7 +28,7 @@ from app.scanning.exposure_stack import check_exposures
 from app.scanning.plan import LONGEST_EXPOSURE_US, MOST_EXPOSURES, ScanPlan
 from app.scanning.reconstruct import ReconstructionOptions
 from app.scanning.session import SCAN_FILE, read_plan
-from app.surface.finish import Finish, Preset
+from app.surface.finish import Finish, Preset, TextureSize
 from app.surface.joining.options import JoinOptions
 from app.surface.meshing.options import MeshOptions
 from app.surface.step import StepDocument, parse_step
@@ -186,6 +186,7 @@ class SurfaceIn(BaseModel):
         steps: that clean the cloud, in order; those of the preset where absent.
         mesh: how the mesh is made; whatever is absent is as the preset has it.
         has_mesh: whether there is to be one.
+        texture_px: sides of a picture with its colours, at most; no picture where absent.
         keeps_cloud: the cleaned cloud becomes another cloud of the scan.
     """
 
@@ -199,6 +200,7 @@ class SurfaceIn(BaseModel):
     steps: Annotated[list[StepDocument], Field(max_length=30)] | None = None
     mesh: MeshOptions | None = None
     has_mesh: bool = True
+    texture_px: TextureSize | None = None
     keeps_cloud: bool = False
 
 
@@ -322,7 +324,10 @@ def start_surface(served: Served, wanted: SurfaceIn) -> JobOut:
     for document in wanted.steps or ():
         parse_step(document)
     steps = usual.steps if wanted.steps is None else tuple(wanted.steps)
-    order = Finish(preset=wanted.preset, steps=steps, mesh=options, has_mesh=wanted.has_mesh)
+    order = Finish(
+        preset=wanted.preset, steps=steps, mesh=options, has_mesh=wanted.has_mesh,
+        texture_px=wanted.texture_px,
+    )  # fmt: skip
     work = surface_work(served.library, item.name, wanted.cloud, order, keeps_cloud=wanted.keeps_cloud)
     # With all of the mesh's options, so that it can be done again alike.
     whole = wanted.model_copy(update={"mesh": options})

@@ -10,10 +10,10 @@ from app.api.downloads import PartsResponse, attachment, file_answer
 from app.api.services import Served
 from app.errors import ScanBusy
 from app.jobs.job import JobState
-from app.library.meshes import MeshItem, erase_mesh, mesh_of, meshes_of
+from app.library.mesh_form import MeshForm, mesh_in_form
+from app.library.meshes import MeshItem, erase_mesh, loaded, mesh_of, meshes_of
 from app.surface.exports.read import read_mesh
 from app.surface.exports.units import Unit
-from app.surface.exports.write import mesh_parts
 from app.surface.finish import Preset
 from app.surface.meshing.options import MeshOptions
 from app.surface.meshing.simplify import to_count
@@ -23,18 +23,22 @@ router = APIRouter(prefix="/scans", tags=["scans"])
 _PLY = "application/octet-stream"
 _MEDIA_TYPES = {
     "stl": "model/stl", "3mf": "model/3mf", "obj": "model/obj", "glb": "model/gltf-binary", "ply": _PLY,
-    "off": "text/plain",
+    "off": "text/plain", "obj-zip": "application/zip",
 }  # fmt: skip
 # More makes pages on phones slow, and nobody sees it.
 _SHOWN_TRIANGLES = 400_000
 Form = Annotated[
-    Literal["ply", "stl", "3mf", "obj", "glb", "off"], Query(description="What the file is to be.")
+    MeshForm,
+    Query(
+        description="What the file is to be. Where the mesh has a texture, GLB holds it, and `obj-zip` is a "
+        "zip file of an OBJ with its material and its picture."
+    ),
 ]
 _EXAMPLE: dict[str, Any] = {
     "name": "2026-11-21T10-20-00Z-print.ply",
     "path": "/api/v1/scans/a-mug/meshes/2026-11-21T10-20-00Z-print.ply",
     "vertices": 21_004, "triangles": 42_004, "size_bytes": 861_232, "created": "2026-11-21T10:20:00Z",
-    "made": None,
+    "has_texture": False, "made": None,
 }  # fmt: skip
 
 
@@ -64,6 +68,7 @@ class MeshOrderOut(BaseModel):
     preset: Preset
     steps: list[StepDocument] | None
     mesh: MeshOptions | None
+    texture_px: int | None = None
 
 
 class MeshMadeOut(BaseModel):
@@ -99,6 +104,7 @@ class MeshOut(BaseModel):
     triangles: int
     size_bytes: int
     created: datetime
+    has_texture: bool
     made: MeshMadeOut | None
 
 
@@ -115,7 +121,7 @@ def list_meshes(request: Request, served: Served, name: str) -> list[MeshOut]:
     return [
         MeshOut(
             name=item.name, path=f"{here}/{item.name}", vertices=item.vertices, triangles=item.triangles,
-            size_bytes=item.size_bytes, created=item.created, made=_made(item),
+            size_bytes=item.size_bytes, created=item.created, has_texture=item.has_texture, made=_made(item),
         )
         for item in meshes_of(served.library.folder_of(name))
     ]  # fmt: skip
@@ -136,10 +142,10 @@ def download_mesh(
 ) -> Response:
     """One of its meshes, made into the form that is asked for."""
     item = mesh_of(served.library.folder_of(name), mesh)
-    title = attachment(served.library.scan(name).title, f".{form}")
+    title = attachment(served.library.scan(name).title, ".zip" if form == "obj-zip" else f".{form}")
     if form == "ply" and unit is Unit.MM:
         return file_answer(request, item.path, _PLY, title)
-    made = mesh_parts(f".{form}", read_mesh(item.path), unit)
+    made = mesh_in_form(form, *loaded(item), name, unit)
     headers = {"Content-Disposition": title, "Cache-Control": "no-store"}
     return PartsResponse((part for part in made), _MEDIA_TYPES[form], headers)
 

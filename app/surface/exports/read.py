@@ -1,12 +1,15 @@
 """Reading the meshes that this program keeps."""
 
+import io
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from app.errors import SurfaceError
 from app.files import reason
 from app.geometry.mesh import TriangleMesh
+from app.surface.texture import Texture
 
 _MOST_HEADER_BYTES = 2_000
 _COLOURED = np.dtype([("place", "<f4", 3), ("colour", "u1", 3)])
@@ -41,6 +44,27 @@ def read_mesh(path: Path) -> TriangleMesh:
         raise SurfaceError(f"{path.name} is damaged.", "Make the mesh again.")
     colours = rows["colour"].copy() if layout is _COLOURED else None
     return TriangleMesh(rows["place"].copy(), triangles, colours)
+
+
+def read_texture(picture: Path, corners: Path, mesh: TriangleMesh) -> Texture:
+    """A texture whose picture and corners were kept as PNG and as an array of NumPy.
+
+    Raises:
+        SurfaceError: they cannot be read, or belong to another mesh.
+    """
+    try:
+        packed = np.frombuffer(picture.read_bytes(), np.uint8)
+        places = np.load(io.BytesIO(corners.read_bytes()), allow_pickle=False)
+    except OSError as error:
+        raise SurfaceError(
+            f"{picture.name} cannot be read: {reason(error)}.", "Make the mesh again."
+        ) from error
+    except (ValueError, EOFError):
+        raise SurfaceError(f"{corners.name} is damaged.", "Make the mesh again.") from None
+    image = cv2.imdecode(packed, cv2.IMREAD_COLOR) if len(packed) else None
+    if image is None or places.shape != (len(mesh), 3, 2) or places.dtype != np.float32:
+        raise SurfaceError(f"{picture.name} does not belong to its mesh.", "Make the mesh again.")
+    return Texture(np.asarray(image[:, :, ::-1], np.uint8), places)
 
 
 def mesh_counts(path: Path) -> tuple[int, int]:

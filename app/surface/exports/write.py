@@ -1,7 +1,6 @@
 """Writing meshes and clouds, each by the ending of its file."""
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,8 @@ from app.geometry.cloud import PointCloud
 from app.geometry.mesh import TriangleMesh
 from app.surface.exports.glb import glb_parts
 from app.surface.exports.las import write_las
-from app.surface.exports.mesh_bytes import mtl_bytes, obj_parts, off_parts, ply_parts, stl_parts
+from app.surface.exports.mesh_bytes import obj_parts, off_parts, ply_parts, stl_parts
+from app.surface.exports.textured_obj import write_textured_obj
 from app.surface.exports.three_mf import three_mf_parts
 from app.surface.exports.units import Unit
 from app.surface.ply import write_ply
@@ -28,8 +28,16 @@ CLOUD_SUFFIXES = (".ply", ".xyz", ".las", ".laz")
 _LINES = 50_000
 
 
-def mesh_parts(suffix: str, mesh: TriangleMesh, unit: Unit = Unit.MM) -> Iterator[bytes]:
+def mesh_parts(
+    suffix: str, mesh: TriangleMesh, unit: Unit = Unit.MM, texture: Texture | None = None
+) -> Iterator[bytes]:
     """The bytes of a mesh in the form of that ending.
+
+    Args:
+        suffix: such as `.stl`.
+        mesh: in mm.
+        unit: of the numbers.
+        texture: a picture of its colours, for GLB; the other forms have no place for one within.
 
     Raises:
         OptionError: there is no such form.
@@ -37,53 +45,30 @@ def mesh_parts(suffix: str, mesh: TriangleMesh, unit: Unit = Unit.MM) -> Iterato
     maker = _MESHES.get(suffix.lower())
     if maker is None:
         raise _unknown("mesh", suffix, MESH_SUFFIXES)
-    return maker(mesh, unit)
+    return glb_parts(mesh, unit, texture) if suffix.lower() == ".glb" else maker(mesh, unit)
 
 
-def write_mesh(path: Path, mesh: TriangleMesh, unit: Unit | str = Unit.MM) -> None:
+def write_mesh(
+    path: Path, mesh: TriangleMesh, unit: Unit | str = Unit.MM, texture: Texture | None = None
+) -> None:
     """A mesh in the form that the ending of its name tells; a file that is there is replaced.
 
     Args:
         path: where to.
         mesh: in mm.
         unit: of the numbers in the file; GLB is always in metres.
+        texture: a picture of its colours: within GLB, and in the files of `beside_obj` with OBJ.
 
     Raises:
         OptionError: there is no such form.
         OutputError: it cannot be written.
     """
-    parts = mesh_parts(path.suffix, mesh, Unit(unit))
-    with replacing(path, is_durable=False) as file:
-        for part in parts:
-            file.write(part)
-
-
-def write_textured(path: Path, mesh: TriangleMesh, texture: Texture, unit: Unit | str = Unit.MM) -> None:
-    """A mesh with a picture of its colours, as GLB, or as OBJ with the files of `beside_obj`.
-
-    Arguments and errors as of `write_mesh`.
-    """
-    if path.suffix.lower() == ".glb":
-        with replacing(path, is_durable=False) as file:
-            file.writelines(glb_parts(mesh, Unit(unit), texture))
+    if texture is not None and path.suffix.lower() == ".obj":
+        write_textured_obj(path, mesh, Unit(unit), texture)
         return
-    if path.suffix.lower() != ".obj":
-        raise _unknown("mesh with a texture", path.suffix, TEXTURE_SUFFIXES)
-    material, picture = beside_obj(path)
-    # All are written before the first takes its place.
-    with ExitStack() as files:
-        obj, mtl, png = (
-            files.enter_context(replacing(each, is_durable=False)) for each in (path, material, picture)
-        )
-        png.write(texture.png())
-        mtl.write(mtl_bytes(picture.name))
-        obj.writelines(obj_parts(mesh, Unit(unit), texture, material.name))
-
-
-def beside_obj(path: Path) -> tuple[Path, Path]:
-    """The material and the picture that go with a textured OBJ, which cannot name files with blanks."""
-    stem = "_".join(path.stem.split()) or "scan"
-    return path.with_name(f"{stem}.mtl"), path.with_name(f"{stem}-texture.png")
+    parts = mesh_parts(path.suffix, mesh, Unit(unit), texture)
+    with replacing(path, is_durable=False) as file:
+        file.writelines(parts)
 
 
 def write_cloud(path: Path, cloud: PointCloud) -> None:
