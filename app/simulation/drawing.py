@@ -1,19 +1,23 @@
 """Bodies into layers: triangles, curved surfaces, prints and the room's light."""
 
 from collections.abc import Mapping
+from functools import lru_cache
 
 import cv2
 import numpy as np
 
 from app.geometry.arrays import Floats, unit
+from app.geometry.camera import CameraIntrinsics
 from app.geometry.transform import RigidTransform, rotation_about
 from app.simulation import kernels
-from app.simulation.layers import Box, Layers, within
+from app.simulation.layers import Box, Layers, camera_rays, within
 from app.simulation.mesh import Mesh
 from app.simulation.rig import Z_UP
 from app.simulation.scene import COARSE_BLOCK, FINE_BLOCK, Scene
 
 _TEXTURE_SAMPLES = 5
+_BULGE_EVERY_PX = 16
+_BULGE_SAFETY = 2.0
 
 
 class Drawing:
@@ -34,6 +38,7 @@ class Drawing:
         self._size = height, width
         self._first = np.cumsum([0, *(len(body.mesh.faces) for _, body in bodies)])
         self._printed = {n: _printed_faces(body.mesh) for n, body in bodies if body.texture}
+        self._bulge_per_px = bulge_per_px(scene.scanner.rig.camera)
         self._longest_mm = {n: _longest_edge_mm(scene.bodies[n].mesh) for n in self.moving}
 
     def placed(
@@ -78,8 +83,9 @@ class Drawing:
         first, (top, _, left, _) = int(self._first[number]), layers.box
         here = pixels - np.array([left, top], np.float64)
         box = kernels.rasterise(
-            mesh.vertices, here, mesh.faces, layers.rays, layers.depth, layers.owner, first, mesh.is_closed
-        )
+            mesh.vertices, here, mesh.faces, layers.rays, layers.depth, layers.owner, first, mesh.is_closed,
+            self._bulge_per_px,
+        )  # fmt: skip
         if box[0] >= box[1]:
             return 0, 0, 0, 0
         kernels.resolve(
@@ -117,6 +123,25 @@ class Drawing:
             layers.owner, layers.normal, layers.albedo, _lamp(self.scene),
             lighting.lamp_grey, lighting.ambient_grey, layers.seen,
         )  # fmt: skip
+
+
+@lru_cache(maxsize=4)
+def bulge_per_px(camera: CameraIntrinsics) -> float:
+    """How far the lens bends an edge out of the straight line, at most: px per squared length in px."""
+    rays = camera_rays(camera)[::_BULGE_EVERY_PX, ::_BULGE_EVERY_PX].reshape(-1, 2).astype(np.float64)
+    half = _BULGE_EVERY_PX / float(camera.matrix[0, 0])
+    worst_px = 0.0
+    for way in ((half, 0.0), (0.0, half), (half, half), (half, -half)):
+        seen = [_seen_at(camera, rays + side * np.array(way)) for side in (-1.0, 0.0, 1.0)]
+        sagitta_px = np.linalg.norm(0.5 * (seen[0] + seen[2]) - seen[1], axis=1)
+        worst_px = max(worst_px, float(np.nanmax(sagitta_px / (np.hypot(*way) / half) ** 2)))
+    return _BULGE_SAFETY * worst_px / (2.0 * _BULGE_EVERY_PX) ** 2
+
+
+def _seen_at(camera: CameraIntrinsics, rays: Floats) -> Floats:
+    ahead = np.column_stack([rays, np.ones(len(rays))])
+    pixels: Floats = kernels.project(ahead, camera.matrix, camera.distortion, *camera.size)
+    return pixels
 
 
 def _printed_faces(mesh: Mesh) -> int:

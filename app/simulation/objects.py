@@ -13,6 +13,8 @@ from app.simulation.swept import lathe, tube
 
 _PLASTER: Albedo = (0.70, 0.74, 0.78)
 _CLAY: Albedo = (0.38, 0.52, 0.72)
+# Where the paint of the mug's bands begins, is full, is full to the last, and ends.
+_BAND_RIMS_MM = (9.0, 10.8, 16.2, 18.0, 50.4, 52.2, 55.8, 57.6)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -116,8 +118,8 @@ def mug() -> SimulatedObject:
     rim = wall / 2.0
     turn = np.linspace(0.0, np.pi, 9)[1:-1]
     lip = np.column_stack([outer - rim + rim * np.cos(turn), height - rim + rim * np.sin(turn)])
-    outside = np.column_stack([np.full(40, outer), np.linspace(0.0, height - rim, 40)])
-    inside = np.column_stack([np.full(20, outer - wall), np.linspace(height - rim, floor, 20)])
+    outside = np.array([[outer, z] for z in (0.0, *_BAND_RIMS_MM, height - rim)])
+    inside = np.array([[outer - wall, height - rim], [outer - wall, floor]])
     body = _banded(lathe(np.concatenate([outside, lip, inside]), _PLASTER), outer)
     bottoms = [
         lathe(np.array([[outer - wall, floor], [0.0, floor]]), _PLASTER),
@@ -165,7 +167,7 @@ def _banded(mesh: Mesh, outer_mm: float) -> Mesh:
     albedo = mesh.albedo.copy()
     x, y, z = mesh.vertices.T
     is_outside = np.hypot(x, y) > outer_mm - 0.5
-    albedo[is_outside & (z > 10.0) & (z < 18.0)] = (0.55, 0.33, 0.22)
+    albedo[is_outside & (z > 10.0) & (z < 17.0)] = (0.55, 0.33, 0.22)
     albedo[is_outside & (z > 52.0) & (z < 57.0)] = (0.20, 0.25, 0.62)
     return Mesh(
         mesh.vertices, mesh.normals, mesh.faces, albedo, mesh.quadrics, mesh.face_quadric, mesh.is_closed

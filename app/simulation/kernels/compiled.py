@@ -61,7 +61,7 @@ def project(vertices: Floats, matrix: Floats, distortion: Floats, width: int, he
 
 @njit(nogil=True, cache=True, error_model="numpy", inline="always")
 def _reach_of(
-    pixels: Floats, i: int, j: int, k: int, width: int, height: int
+    pixels: Floats, i: int, j: int, k: int, width: int, height: int, bulge_per_px: float
 ) -> tuple[np.uint64, np.uint64, np.uint64, np.uint64]:
     """Rows and columns in which a triangle can be seen, the second and last not among them; none are (0, 0).
 
@@ -73,7 +73,7 @@ def _reach_of(
     v_high = max(pixels[i, 1], pixels[j, 1], pixels[k, 1])
     # Distortion bends the edges of a large triangle out of the box about its corners.
     extent = max(u_high - u_low, v_high - v_low)
-    margin = min(0.06 * extent, 0.02 + 0.002 * extent * extent)
+    margin = min(0.06 * extent, 0.02 + bulge_per_px * extent * extent)
     is_aside = not (u_low - margin < width and v_low - margin < height)
     if is_aside or not (u_high + margin >= 0.0 and v_high + margin >= 0.0):
         return np.uint64(0), np.uint64(0), np.uint64(0), np.uint64(0)
@@ -95,6 +95,7 @@ def rasterise(
     owner: NDArray[np.int32],
     first_face: int,
     is_closed: bool,
+    bulge_per_px: float,
 ) -> tuple[int, int, int, int]:
     height, width = depth.shape
     top, bottom, left, right = np.uint64(height), np.uint64(0), np.uint64(width), np.uint64(0)
@@ -106,7 +107,7 @@ def rasterise(
         det = vertices[i, 0] * ax + vertices[i, 1] * ay + vertices[i, 2] * az
         if det == 0.0 or (is_closed and det > 0.0):
             continue
-        v0, v1, u0, u1 = _reach_of(pixels, i, j, k, width, height)
+        v0, v1, u0, u1 = _reach_of(pixels, i, j, k, width, height, bulge_per_px)
         if v0 >= v1 or u0 >= u1:
             continue
         bx, by, bz = _side(vertices, k, i)

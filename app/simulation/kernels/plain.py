@@ -54,6 +54,7 @@ def rasterise(
     owner: NDArray[np.int32],
     first_face: int,
     is_closed: bool,
+    bulge_per_px: float,
 ) -> tuple[int, int, int, int]:
     """Draw triangles into `depth` and `owner`; return the box of pixels that changed.
 
@@ -69,6 +70,7 @@ def rasterise(
         owner: becomes `first_face` + the triangle's number there.
         first_face: number of the first triangle.
         is_closed: leave out triangles seen from behind.
+        bulge_per_px: how far the lens bends an edge out of the straight line, pixels per squared length.
     """
     height, width = depth.shape
     box = (height, 0, width, 0)
@@ -84,7 +86,7 @@ def rasterise(
     det = np.einsum("fi,fi->f", corners[:, 0], sides[:, 0])
     low, high = pixels[faces].min(axis=1), pixels[faces].max(axis=1)
     extent = (high - low).max(axis=1, keepdims=True)
-    margin = np.minimum(0.06 * extent, 0.02 + 0.002 * extent**2)
+    margin = np.minimum(0.06 * extent, 0.02 + bulge_per_px * extent**2)
     start = np.maximum(np.ceil(low - margin), 0.0)
     end = np.minimum(np.floor(high + margin), [width - 1, height - 1])
     is_drawn = (corners[:, :, 2] > 1e-3).all(axis=1) & (start <= end).all(axis=1) & (det != 0.0)
