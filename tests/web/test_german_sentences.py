@@ -29,6 +29,11 @@ def test_every_code_of_a_finding_has_a_german_sentence() -> None:
     assert set(_GERMAN["findings"]) - codes == set()
 
 
+def test_every_number_of_a_finding_has_a_name() -> None:
+    names = json.loads((_HOME.parent / "web/src/i18n/en/doctor.json").read_text())
+    assert set(_number_keys()) - set(names) == set()
+
+
 def test_sentences_that_are_told_apart_by_their_words_are_still_said_so() -> None:
     said = set(_sentences())
     gone = [english for english, _ in _GERMAN["phrases"] if _OPEN.sub("{}", english) not in said]
@@ -60,6 +65,23 @@ def _finding_codes() -> Iterator[str]:
             for call in (node for node in ast.walk(function) if isinstance(node, ast.Call)):
                 if isinstance(call.func, ast.Name) and call.func.id == "Finding":
                     yield from _codes(call, function, tree)
+
+
+def _number_keys() -> Iterator[str]:
+    """Of what is assigned to `numbers`, or written where a finding takes them."""
+    for path in (_HOME / "checkup").glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            given: ast.expr | None = None
+            if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "numbers":
+                given = node.value
+            if (
+                isinstance(node, ast.Call)
+                and getattr(node.func, "id", "") == "Finding"
+                and len(node.args) > 4
+            ):
+                given = node.args[4]
+            if isinstance(given, ast.Dict):
+                yield from (str(key.value) for key in given.keys if isinstance(key, ast.Constant))
 
 
 def _codes(call: ast.Call, function: ast.FunctionDef, tree: ast.Module) -> Iterator[str]:

@@ -1,7 +1,7 @@
 import { expect, test } from "vitest";
 import type { JobOut } from "../src/api/schema.gen";
 import { choiceOf, emptyDraft, exchanged, lacks, withPreset } from "../src/places/settings/draft";
-import { examined, nameAndUnit, worst, type Finding } from "../src/places/settings/findings";
+import { examined, unitOf, worst, type Finding } from "../src/places/settings/findings";
 
 function finding(check: string, state: Finding["state"]): Finding {
   return { check, state, sentence: check, advice: "", numbers: {} };
@@ -26,9 +26,11 @@ test("a group that was checked alone takes the place of what the whole checkup s
 });
 
 test("numbers of the doctor carry their units in their names", () => {
-  expect(nameAndUnit("latency_ms")).toEqual(["latency", "ms"]);
-  expect(nameAndUnit("fastest_deg_s")).toEqual(["fastest", "°/s"]);
-  expect(nameAndUnit("free_scans")).toEqual(["free scans", ""]);
+  expect(unitOf("latency_ms")).toBe("ms");
+  expect(unitOf("fastest_deg_s")).toBe("°/s");
+  expect(unitOf("written_bytes_s")).toBe("B/s");
+  expect(unitOf("rows_share")).toBe("%");
+  expect(unitOf("scans")).toBe("");
 });
 
 test("what a bench still lacks depends on its board and its camera", () => {

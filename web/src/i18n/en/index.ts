@@ -1,6 +1,7 @@
 export { default as adjust } from "./adjust.json";
 export { default as calibrate } from "./calibrate.json";
 export { default as cloud } from "./cloud.json";
+export { default as doctor } from "./doctor.json";
 export { default as finish } from "./finish.json";
 export { default as kit } from "./kit.json";
 export { default as library } from "./library.json";

@@ -52,23 +52,32 @@ export function worst(findings: readonly Finding[]): FindingState | null {
   return WORST.find((state) => findings.some((each) => each.state === state)) ?? null;
 }
 
-/** `latency_ms` is "latency" in ms. */
-export function nameAndUnit(key: string): [name: string, unit: string] {
-  const units: Record<string, string> = {
-    ms: "ms",
-    us: "µs",
-    s: "s",
-    deg: "°",
-    deg_s: "°/s",
-    px: "px",
-    mm: "mm",
-    fps: "/s",
-    bytes_s: "B/s",
-    bytes: "B",
-  };
-  for (const ending of ["deg_s", "bytes_s", ...Object.keys(units)]) {
-    if (key.endsWith(`_${ending}`))
-      return [key.slice(0, -ending.length - 1).replaceAll("_", " "), units[ending]!];
-  }
-  return [key.replaceAll("_", " "), ""];
+const UNITS: readonly [ending: string, unit: string][] = [
+  ["deg_s", "°/s"],
+  ["bytes_s", "B/s"],
+  ["bytes", "B"],
+  ["share", "%"],
+  ["fps", "/s"],
+  ["deg", "°"],
+  ["px", "px"],
+  ["mm", "mm"],
+  ["ms", "ms"],
+  ["us", "µs"],
+  ["s", "s"],
+];
+
+/** In which unit a number is: `latency_ms` in ms; none for what is counted. */
+export function unitOf(key: string): string {
+  return UNITS.find(([ending]) => key.endsWith(`_${ending}`))?.[1] ?? "";
+}
+
+const YES_OR_NO = new Set(["told", "tells_position", "can_stop"]);
+
+/** Whether a number answers a question: 1 for yes. */
+export const isAnswer = (key: string) => YES_OR_NO.has(key);
+
+/** Of `left_on_right`: how much of laser left lies in the plane of laser right. */
+export function laserInPlane(key: string): { laser: string; plane: string } | null {
+  const [, laser, plane] = /^(.+)_on_(.+)$/.exec(key) ?? [];
+  return laser && plane ? { laser, plane } : null;
 }
