@@ -80,6 +80,7 @@ test("a surface is called printable only when every check is good, and each form
     triangles: 10,
     size_bytes: 700,
     created: "2026-11-21T10:00:00Z",
+    has_texture: false,
     made: {
       order: { preset: "print", steps: [], mesh: null },
       cloud: "cloud.ply",
@@ -103,4 +104,6 @@ test("a surface is called printable only when every check is good, and each form
   expect(stateOf(mesh(["good", "doubt"]))).toBe("doubtful");
   expect(stateOf(mesh(["doubt", "bad"]))).toBe("unprintable");
   expect(formsOf(mesh([])).map((form) => form.bytes)).toEqual([584, 123, null, null, 700]);
+  const painted = formsOf({ ...mesh([]), has_texture: true }).map((form) => form.name);
+  expect(painted).toEqual(["stl", "3mf", "obj-zip", "glb", "ply"]);
 });

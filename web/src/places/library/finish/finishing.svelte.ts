@@ -34,7 +34,8 @@ export class Finishing {
   }
 
   choose(preset: Preset): void {
-    this.change({ ...planOf(this.usual(preset)), keepsCloud: this.plan.keepsCloud });
+    const { texturePx, keepsCloud } = this.plan;
+    this.change({ ...planOf(this.usual(preset)), texturePx, keepsCloud });
   }
 
   usual(preset: Preset): FinishPresetOut {

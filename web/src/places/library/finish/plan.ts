@@ -15,6 +15,8 @@ export interface Plan {
   readonly preset: Preset;
   readonly steps: readonly PlannedStep[];
   readonly mesh: Required<MeshOptions>;
+  /** Sides of a picture with the colours, at most; null for none. */
+  readonly texturePx: number | null;
   readonly keepsCloud: boolean;
 }
 
@@ -24,6 +26,7 @@ export function planOf(preset: FinishPresetOut): Plan {
     preset: preset.preset,
     steps: preset.steps.map((document, at) => ({ id: at + 1, isOn: true, document })),
     mesh: preset.mesh as Required<MeshOptions>,
+    texturePx: null,
     keepsCloud: false,
   };
 }
@@ -35,6 +38,7 @@ export function planFrom(order: MeshOrderOut, plan: Plan): Plan {
     preset: order.preset,
     steps: (order.steps ?? []).map((document, at) => ({ id: at + 1, isOn: true, document })),
     mesh: { ...plan.mesh, ...order.mesh },
+    texturePx: order.texture_px ?? null,
   };
 }
 

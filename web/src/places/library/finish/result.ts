@@ -13,16 +13,22 @@ export function stateOf(mesh: MeshOut): MeshState {
 }
 
 const FORMS = ["stl", "3mf", "obj", "glb", "ply"] as const;
+/** An OBJ with its material and picture, in the place of the OBJ alone. */
+const TEXTURED = "obj-zip";
+export type Form = (typeof FORMS)[number] | typeof TEXTURED;
 /** Bytes of a binary STL: its head, and each triangle. */
 const STL_HEAD = 84;
 const STL_TRIANGLE = 50;
 
 /** Every form in which a surface can be taken home; null where nobody counted how large it will be. */
-export function formsOf(mesh: MeshOut): { name: (typeof FORMS)[number]; bytes: number | null }[] {
+export function formsOf(mesh: MeshOut): { name: Form; bytes: number | null }[] {
   const sizes: Record<string, number> = {
     stl: STL_HEAD + STL_TRIANGLE * mesh.triangles,
     ply: mesh.size_bytes,
     ...mesh.made?.sizes,
   };
-  return FORMS.map((name) => ({ name, bytes: sizes[name] ?? null }));
+  return FORMS.map((each) => {
+    const name = each === "obj" && mesh.has_texture ? TEXTURED : each;
+    return { name, bytes: sizes[name] ?? null };
+  });
 }
