@@ -1,7 +1,6 @@
 """A serial port as drivers want it: bytes out, lines back, and every failure an error that names the port."""
 
 import contextlib
-import os
 import re
 import threading
 import time
@@ -11,6 +10,7 @@ from pathlib import Path
 
 import serial
 
+from app.devices.port_lock import held_alone, is_shared
 from app.devices.ports import SerialPort, join_group, lasting_name, resolve_port, serial_ports
 from app.errors import DeviceDenied, DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout, MoveStopped
 
@@ -20,10 +20,6 @@ _MOST_KEPT = 65536
 # Longer than any board's farewell, see `Farewell`.
 _FAREWELL_S = 10.0
 
-try:
-    import fcntl
-except ImportError:
-    fcntl = None  # type: ignore[assignment]
 try:
     from termios import error as _TerminalError  # noqa: N812 (a class of the standard library)
 except ImportError:
@@ -58,6 +54,7 @@ class SerialLink:
         self.port, self.baud, self.device = port, baud, device
         self._stop_bits, self._on_lost = stop_bits, on_lost
         self._serial: serial.Serial | None = None
+        self._held = contextlib.ExitStack()
         self._buffer = bytearray()
         self._arrived = threading.Condition()
         self._dialogue, self.overtaker = threading.RLock(), threading.RLock()
@@ -78,15 +75,19 @@ class SerialLink:
         ends = time.monotonic() + _FAREWELL_S
         while self._serial is None:
             try:
-                # Exclusive, so that a second program is told; network bridges do not know the option.
-                self._serial = serial.serial_for_url(
-                    path, self.baud, timeout=_POLL_S, write_timeout=_WRITE_TIMEOUT_S,
-                    stopbits=self._stop_bits, **({} if "://" in self.port else {"exclusive": True}),  # type: ignore[arg-type]
-                )  # fmt: skip
+                with contextlib.ExitStack() as stack:
+                    # Exclusive, so that a second program is told; network bridges do not know the option.
+                    stack.enter_context(held_alone(path))
+                    self._serial = serial.serial_for_url(
+                        path, self.baud, timeout=_POLL_S, write_timeout=_WRITE_TIMEOUT_S,
+                        stopbits=self._stop_bits, **({} if "://" in self.port else {"exclusive": True}),  # type: ignore[arg-type]
+                    )  # fmt: skip
+                    self._held = stack.pop_all()
             except (*GONE, ValueError) as error:
                 problem = open_error(self.port, self.device, error)
                 is_held = isinstance(problem, DeviceDenied)
-                if not is_held or time.monotonic() > ends or not _is_told_farewell(path):
+                # The watchdog of a program that is gone may have it.
+                if not is_held or time.monotonic() > ends or not is_shared(path):
                     raise problem from error
                 time.sleep(_POLL_S)
         self._lasting = "" if "://" in path else lasting_name(path, self._ports)
@@ -106,10 +107,12 @@ class SerialLink:
         """Let go of the port; never fails."""
         port, self._serial = self._serial, None
         if port is not None:
-            with contextlib.suppress(*GONE):
+            with contextlib.suppress(*GONE, AttributeError):
+                # Bridges in the network do not know it; their reads are short.
                 port.cancel_read()
             with contextlib.suppress(*GONE):
                 port.close()
+        self._held.close()
         if self._reader is not None and self._reader is not threading.current_thread():
             self._reader.join(timeout=2.0)
         self._reader = None
@@ -209,8 +212,8 @@ class SerialLink:
         while port is not None and port is self._serial:
             try:
                 data = port.read(max(1, port.in_waiting))
-            except (*GONE, TypeError, ValueError) as error:
-                # pyserial fails with the latter two when the port is closed while it reads.
+            except (*GONE, AttributeError, TypeError, ValueError) as error:
+                # pyserial fails with the latter three when the port is closed while it reads.
                 if port is self._serial:
                     self._mark_lost(str(error))
                 return
@@ -237,23 +240,6 @@ class SerialLink:
 
 # A carriage return ends a line once it is known that no line feed follows it.
 _LINE = re.compile(rb"([^\r\n]*)(?:\r?\n|\r(?=[^\n]))")
-
-
-def _is_told_farewell(path: str) -> bool:
-    """Whether the watchdog of a program that is gone has the port: it shares it, as programs do not."""
-    if fcntl is None or "://" in path:
-        return False
-    try:
-        handle = os.open(path, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    except OSError:
-        return False
-    try:
-        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
-        return False
-    finally:
-        os.close(handle)
-    return True
 
 
 def open_error(port: str, device: str, error: BaseException) -> DeviceError:

@@ -8,7 +8,7 @@ While it talks to the board of a program that is gone, it holds a shared lock on
 opens the port locks it for itself: whoever comes second waits (the program, see `SerialLink`) or steps aside
 (the watchdog: a board that has just been connected has its lasers off).
 
-It imports nothing but pyserial, so that it is ready at once and small.
+It imports hardly more than pyserial, so that it is ready at once and small.
 """
 
 import contextlib
@@ -19,20 +19,16 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from typing import Any
 
 import serial
 
-try:
-    import fcntl
-except ImportError:
-    # Windows gives a port to one program alone.
-    fcntl = None  # type: ignore[assignment]
+from app.devices.port_lock import shared
 
-SILENCE_S = 3.0
-_TRIES = 20
-_TRY_AGAIN_S = 0.25
+# Several signs of life: on a busy machine some are late.
+SILENCE_S = 2.0
+_PATIENCE_S = 5.0
+_TRY_AGAIN_S = 0.05
 
 
 def main() -> None:
@@ -75,10 +71,11 @@ def play(farewell: dict[str, Any], *, steps_aside: bool = False) -> bool:
         farewell: `port`, `baud`, `stop_bits` and `words`: pairs of bytes (as latin-1 text) and seconds.
         steps_aside: leave a board alone that another program has connected.
     """
-    for _ in range(_TRIES):
+    ends_s = time.monotonic() + _PATIENCE_S
+    while time.monotonic() < ends_s:
         try:
             with (
-                _shared(farewell["port"]) if steps_aside else contextlib.nullcontext(),
+                shared(farewell["port"]) if steps_aside else contextlib.nullcontext(),
                 serial.serial_for_url(
                     farewell["port"], farewell["baud"], stopbits=farewell["stop_bits"], write_timeout=1.0
                 ) as port,
@@ -91,21 +88,6 @@ def play(farewell: dict[str, Any], *, steps_aside: bool = False) -> bool:
         except (serial.SerialException, OSError, ValueError):
             time.sleep(_TRY_AGAIN_S)
     return False
-
-
-@contextlib.contextmanager
-def _shared(port: str) -> Iterator[None]:
-    """Nobody may have the port alone meanwhile. Raises OSError where somebody has."""
-    if fcntl is None or "://" in port:
-        yield
-        return
-    # Asked before anything else is done to the port, because opening it throws away what has arrived.
-    handle = os.open(port, os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
-        yield
-    finally:
-        os.close(handle)
 
 
 def _read(arrived: "queue.SimpleQueue[bytes]") -> None:

@@ -2,13 +2,16 @@
 
 import os
 import re
+import socket
 import threading
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 from turntable_contract import wait_until
 
+from app.devices.port_lock import is_shared, shared
 from app.devices.ports import SerialPort
 from app.devices.serial_link import SerialLink
 from app.errors import DeviceDenied, DeviceError, DeviceLost, DeviceNotFound, DeviceTimeout, MoveStopped
@@ -105,6 +108,24 @@ def test_an_unplugged_port_is_noticed_without_a_word(link: SerialLink, board: Em
 def test_a_second_program_is_told(link: SerialLink, board: EmulatedPort) -> None:
     with pytest.raises(DeviceDenied, match="another program"):
         SerialLink(str(board.link), 115200, "board").open()
+
+
+def test_an_address_in_the_network_is_one_program_s_and_waited_for_while_it_is_told_farewell() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as bridge:
+        port = f"socket://127.0.0.1:{bridge.getsockname()[1]}"
+        first, second = SerialLink(port, 115200, "board"), SerialLink(port, 115200, "board")
+        with closing(first):
+            first.open()
+            with pytest.raises(DeviceDenied, match="another program"):
+                second.open()
+            assert not is_shared(port)
+        opening = threading.Thread(target=second.open, daemon=True)
+        with closing(second):
+            with shared(port):
+                opening.start()
+                opening.join(0.3)
+                assert not second.is_open
+            wait_until(lambda: second.is_open)
 
 
 @pytest.mark.parametrize(
