@@ -51,6 +51,8 @@ from app.settings import Settings
 from app.viewer.cloud_view import CloudView
 from app.viewer.proxy import view_routes
 
+SETTING_UP = "setting up"
+"""Name of the thread that connects devices and compiles for them; nobody waits for it."""
 _FIRST_ANSWERS_S = 0.1
 _log = logging.getLogger(__name__)
 
@@ -118,12 +120,16 @@ def create_app(
 
     @asynccontextmanager
     async def lifespan(application: FastAPI) -> AsyncIterator[None]:
+        is_over = threading.Event()
+        setting_up = threading.Thread(target=_set_up, args=(served, view, is_over), name=SETTING_UP)
+        setting_up.daemon = True
         with parts:
-            setting_up = threading.Thread(target=_set_up, args=(served, view), name="connect", daemon=True)
             # What it imports would hold up the first answers.
-            asyncio.get_running_loop().call_later(_FIRST_ANSWERS_S, setting_up.start)
+            starting = asyncio.get_running_loop().call_later(_FIRST_ANSWERS_S, setting_up.start)
             measuring = asyncio.create_task(lag.run())
             yield
+            is_over.set()
+            starting.cancel()
             measuring.cancel()
 
     application = api_application(lifespan)
@@ -181,13 +187,15 @@ def _show_calibration(record: CalibrationRecord, view: CloudView, pictures: Live
         pictures.learn(rig=record.rig)
 
 
-def _set_up(served: Services, view: CloudView) -> None:
+def _set_up(served: Services, view: CloudView, is_over: threading.Event) -> None:
     """What takes time: devices, and the scene that a calibration allows."""
     try:
         served.bench.connect()
     except DeviceError as error:
-        _log.warning("%s. %s", error.message.rstrip("."), error.hint)
-    _show_known(served, view)
+        if not is_over.is_set():
+            _log.warning("%s. %s", error.message.rstrip("."), error.hint)
+    if not is_over.is_set():
+        _show_known(served, view)
 
 
 def _show_known(served: Services, view: CloudView) -> None:

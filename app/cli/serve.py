@@ -1,7 +1,9 @@
 """`turnscan serve`: the scanner for programs and pages, on this machine or in its network."""
 
 import contextlib
+import os
 import sys
+import threading
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -101,6 +103,7 @@ def serve(settings: Settings, description: BenchDescription | ScannerError) -> N
         certificate = _certificate(settings)
         access = Access.open(settings.folder)
         _run(settings, description, access, bound, certificate)
+    _leave_setting_up()
 
 
 def _run(
@@ -152,6 +155,19 @@ def _run(
             is_alive=Pulse(lambda: served.bench.camera.state, served.runner.jobs).beats,
         )  # fmt: skip
         server.run_until_told([bound])
+
+
+def _leave_setting_up() -> None:
+    """End at once where devices are still being connected: what is compiled then cannot be broken off.
+
+    All that matters has been closed; and the interpreter does not survive its own end in such a thread.
+    """
+    from app.main import SETTING_UP
+
+    if any(thread.name == SETTING_UP for thread in threading.enumerate()):
+        for stream in (sys.stdout, sys.stderr):
+            stream.flush()
+        os._exit(_ALL_WELL)
 
 
 def with_bench(settings: Settings) -> Settings:

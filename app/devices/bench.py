@@ -34,6 +34,8 @@ from app.registry import Registry
 from app.simulation.world import SimulatedWorld, WorldPlan
 
 _LEASE_WAIT_S = 5.0
+# By then a board has stopped, or never will.
+_LONGEST_STOP_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +94,8 @@ class Bench:
         self._folder = folder
         self._watchdog = Watchdog()
         self._lock = threading.Lock()
+        self._connecting, self._meeting = threading.RLock(), threading.RLock()
+        self._stopping, self._stopped = 0, threading.Condition()
         self._lease = threading.Semaphore()
         self._holder = ""
         self._lit: dict[str, None] = {} if lit is None else lit
@@ -101,7 +105,7 @@ class Bench:
         self.stops = 0
         self.zero_name = uuid4().hex
         self._is_halted = False
-        self._is_guarded = False
+        self._is_guarded = self._is_let_go = False
         self._where: PositionUnknown | None = None
         self.ask: Callable[[str], None] | None = None
 
@@ -146,23 +150,40 @@ class Bench:
             DeviceError: the first thing that failed.
         """
         errors: list[DeviceError] = []
-        for name, connect in (("turntable", self.connect_turntable), ("camera", self.connect_camera)):
-            try:
-                connect()
-            except DeviceError as error:
-                self._problems[name] = error.message
-                errors.append(error)
+        with self._connecting:
+            for name, connect in (("turntable", self.connect_turntable), ("camera", self.connect_camera)):
+                try:
+                    connect()
+                except DeviceError as error:
+                    self._problems[name] = error.message
+                    errors.append(error)
         if errors:
             raise min(errors, key=lambda error: isinstance(error, PositionUnknown))
 
     def connect_turntable(self) -> None:
-        """Connect the board; all lasers are off afterwards.
+        """Connect the board; all lasers are off afterwards. An emergency stop meanwhile has it begin again.
 
         Raises:
             PositionUnknown: until `zero` says where the table stands.
             DeviceError: as `Turntable.connect`.
         """
-        self._note_dark(*self.lasers_on)
+        with self._meeting:
+            self._note_dark(*self.lasers_on)
+            stops, self._is_let_go = self.stops, False
+            try:
+                self._meet_board()
+            except DeviceError:
+                if self.stops == stops or self._is_let_go:
+                    raise
+                # Whoever stops the board takes the word from who connects it.
+                with self._stopped:
+                    self._stopped.wait_for(lambda: not self._stopping, _LONGEST_STOP_S)
+                self._meet_board()
+        self._problems.pop("turntable", None)
+        if self._where is not None:
+            raise self._where
+
+    def _meet_board(self) -> None:
         if not self.turntable.is_connected:
             self._is_guarded = False
         try:
@@ -173,9 +194,6 @@ class Bench:
             if self.turntable.is_connected:
                 self._watchdog.guard(self.turntable.farewell)
                 self._is_guarded = True
-        self._problems.pop("turntable", None)
-        if self._where is not None:
-            raise self._where
 
     def connect_camera(self) -> None:
         """Connect the camera.
@@ -191,6 +209,7 @@ class Bench:
 
     def disconnect(self) -> None:
         """Make everything safe and let go of it. Never fails."""
+        self._is_let_go = True
         with contextlib.suppress(DeviceError):
             self.make_safe()
         self.turntable.disconnect()
@@ -208,7 +227,7 @@ class Bench:
             BenchBusy: a job holds the bench.
             OptionError, BenchFileError: the new one cannot be built; all is as it was.
         """
-        with self.lease("choosing another bench", wait_s=0.0):
+        with self.lease("choosing another bench", wait_s=0.0), self._connecting:
             fresh = type(self).build(description, ask=self.ask)
             former = Bench(
                 self.description, self.turntable, self.camera, world=self.world, folder=self._folder
@@ -343,10 +362,30 @@ class Bench:
         """
         self.stops += 1
         try:
+            self._stop_board()
+        except DeviceError:
+            # Whoever was connecting it has let go of the port, to begin again.
+            if self._is_guarded or not self._meeting.acquire(timeout=_LONGEST_STOP_S):
+                raise
+            try:
+                if not self.turntable.is_connected:
+                    raise
+                self._stop_board()
+            finally:
+                self._meeting.release()
+        finally:
+            self._note_dark(*self.lasers_on)
+
+    def _stop_board(self) -> None:
+        with self._stopped:
+            self._stopping += 1
+        try:
             if self.turntable.is_connected:
                 self.turntable.make_safe()
         finally:
-            self._note_dark(*self.lasers_on)
+            with self._stopped:
+                self._stopping -= 1
+                self._stopped.notify_all()
 
     def halt(self) -> None:
         """Emergency stop: make safe, and whoever holds the bench lights nothing any more.
@@ -410,7 +449,7 @@ class Bench:
     def snapshot(self) -> BenchSnapshot:
         """How it stands now; never waits for a device."""
         lit = self.lasers_on
-        is_there = self.turntable.is_connected
+        is_there = self._is_guarded and self.turntable.is_connected
         return BenchSnapshot(
             self.description.name,
             self.turntable.facts.firmware if is_there else "",

@@ -89,6 +89,7 @@ class Camera:
         self._controls = WantedControls(driver, self._check_open, self._settle)
         self._streams: list[FrameStream] = []
         self._thread: threading.Thread | None = None
+        self._is_opening = self._is_given_up = False
         self._closing = threading.Event()
         self._intake: Intake | None = None
         self._latest: Frame | None = None
@@ -121,7 +122,7 @@ class Camera:
         with self._life_lock:
             if self._thread is not None:
                 return
-            self.driver.connect()
+            self._open()
             with self._changed:
                 self._intake = Intake(self.name, self.driver.facts, self.mounting, self.latency_s)
                 self._closing = threading.Event()
@@ -131,7 +132,12 @@ class Camera:
             self._thread.start()
 
     def disconnect(self) -> None:
-        """Stop grabbing and let go of the camera. Streams end. Never fails."""
+        """Stop grabbing and let go of the camera. Streams end. Never fails, nor waits for who opens it."""
+        with self._changed:
+            self._is_given_up = self._is_opening
+            if self._is_opening:
+                # That may take long; whoever does it lets go.
+                return
         with self._life_lock:
             if self._thread is None:
                 return
@@ -225,6 +231,18 @@ class Camera:
         if exposure_us is not None:
             controls[ControlName.EXPOSURE] = exposure_us
         self._controls.apply(CameraSettings(controls))
+
+    def _open(self) -> None:
+        with self._changed:
+            self._is_opening, self._is_given_up = True, False
+        try:
+            self.driver.connect()
+        finally:
+            with self._changed:
+                self._is_opening = False
+        if self._is_given_up:
+            self.driver.disconnect()
+            raise self._not_connected()
 
     @property
     def _known(self) -> Intake:

@@ -142,6 +142,50 @@ def test_a_board_that_is_missing_does_not_keep_the_camera_from_seeing() -> None:
         assert bench.snapshot().turntable.startswith("Horus")
 
 
+def test_an_emergency_stop_while_the_board_is_being_connected_leaves_it_connected() -> None:
+    with Bench.build(_described(rate=4.0)) as bench:
+        connecting = threading.Thread(target=bench.connect_turntable, daemon=True)
+        connecting.start()
+        wait_until(lambda: bench.turntable.is_connected)
+        assert bench.snapshot().turntable == ""
+        bench.halt()
+        connecting.join(60.0)
+        assert bench.snapshot().turntable.startswith("Horus")
+        bench.switch("left", True)
+        assert _lit(bench) == ("left",)
+
+
+def test_who_lets_go_of_a_camera_that_is_being_opened_does_not_wait_for_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with Bench.build(_described()) as bench:
+        is_opening, may_open = threading.Event(), threading.Event()
+
+        def slowly() -> None:
+            is_opening.set()
+            assert may_open.wait(60.0)
+
+        monkeypatch.setattr(_world(bench).stage, "rehearse", slowly)
+        refused: list[DeviceError] = []
+
+        def connect() -> None:
+            try:
+                bench.connect_camera()
+            except DeviceError as error:
+                refused.append(error)
+
+        connecting = threading.Thread(target=connect, daemon=True)
+        connecting.start()
+        assert is_opening.wait(60.0)
+        bench.camera.disconnect()
+        may_open.set()
+        connecting.join(60.0)
+        assert refused
+        assert not bench.camera.state.is_connected
+        bench.connect_camera()
+        assert bench.camera.fresh_frame().image().shape == (240, 320, 3)
+
+
 def test_disconnecting_puts_the_lasers_out() -> None:
     with Bench.build(_described()) as bench:
         bench.connect()

@@ -171,6 +171,15 @@ def test_it_tells_systemd_and_ends_with_everything_open(tmp_path: Path) -> None:
     assert "does not end by itself" not in server.words.read_text()
 
 
+def test_it_ends_in_good_order_while_its_first_start_still_compiles(tmp_path: Path) -> None:
+    with served(tmp_path, "--bench", "simulated", NUMBA_CACHE_DIR=str(tmp_path / "compiled")) as server:
+        _until(lambda: server.ask("/api/v1/bench")["turntable"])
+        assert not server.ask("/api/v1/bench")["camera"]["connected"]
+        server.process.send_signal(signal.SIGTERM)
+        assert server.wait() == 0
+    assert "does not end by itself" not in server.words.read_text()
+
+
 def _send_too_much(server: Served) -> None:
     """Nobody will read it, so the connection is of no further use."""
     with server.uploading(b"Content-Length: 3000000\r\n\r\n") as sender:
