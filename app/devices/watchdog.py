@@ -11,7 +11,7 @@ from typing import Any, Self
 from app.devices.ports import resolve_port
 from app.devices.turntable import Farewell
 
-_BEAT_S = 0.5
+_BEAT_S = 0.25
 
 
 class Watchdog:
