@@ -80,9 +80,10 @@ class AccessState(BaseModel):
     tokens: tuple[Token, ...] = ()
 
     def without_expired(self) -> Self:
-        """With the newest sessions that still count, and no more of them than are kept."""
+        """With the sessions that still count: those begun last, as many as are kept."""
         now = datetime.now(UTC)
-        valid = sorted((each for each in self.sessions if each.expires > now), key=lambda each: each.created)
+        # In the order in which they were begun, whatever the clock said.
+        valid = [each for each in self.sessions if each.expires > now]
         return self.model_copy(update={"sessions": tuple(valid[-MOST_SESSIONS:])})
 
 

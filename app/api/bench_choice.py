@@ -9,6 +9,7 @@ from app.devices.bench import Bench
 from app.devices.bench_file import BenchDescription, parse_bench, write_bench_file
 from app.errors import DeviceError, OutputError
 from app.files import reason, write_whole
+from app.library.names import free_name
 from app.live.pictures import LivePictures
 
 
@@ -57,7 +58,8 @@ class BenchChoice:
 
     def _keep(self, text: str) -> None:
         if self._file.exists():
-            former = self._file.with_name(f"{self._file.stem}-until-{datetime.now(UTC):%Y%m%dT%H%M%S}.toml")
+            stem = f"{self._file.stem}-until-{datetime.now(UTC):%Y%m%dT%H%M%S}"
+            former = self._file.with_name(free_name(self._file.parent, stem, ".toml"))
             try:
                 data = self._file.read_bytes()
             except OSError as error:

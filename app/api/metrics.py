@@ -109,15 +109,14 @@ class ScannerMetrics(Collector):
         for state in JobState:
             now.add_metric([state], states[state])
         for job in jobs:
-            if job.state.has_ended and job.ended is not None and job.id not in self._counted:
+            if job.state.has_ended and job.id not in self._counted:
                 self._ended[job.kind, job.state] += 1
-                # The clock may have been set back meanwhile.
-                self._worked_s[job.kind] += max(0.0, (job.ended - job.created).total_seconds())
+                self._worked_s[job.kind] += job.seconds
         self._counted = {job.id for job in jobs if job.state.has_ended}
         ended = CounterMetricFamily("turnscan_jobs_ended", "Jobs that ended.", labels=["kind", "state"])
         for (kind, how), count in self._ended.items():
             ended.add_metric([kind, how], count)
-        worked = _counter("job_seconds", "From the order to the end of jobs that ended.", "kind")
+        worked = _counter("job_seconds", "How long jobs that ended have worked.", "kind")
         for kind, seconds in self._worked_s.items():
             worked.add_metric([kind], seconds)
         yield from (now, ended, worked)
