@@ -13,12 +13,14 @@ import uvicorn
 
 from app.api.services import Services
 from app.api.versioned import API
+from app.devices.bench import Bench
 from app.devices.bench_file import simulated_description
+from app.errors import DeviceError
 from app.main import create_app
 from app.settings import Settings
 from app.viewer.proxy import SOCKET_OPTIONS
 
-SOON_S = 60.0
+SOON_S = 120.0
 
 
 @dataclass(frozen=True)
@@ -50,13 +52,26 @@ def running_server(folder: Path, **simulation: Any) -> Iterator[Running]:
     thread.start()
     services: Services = application.state.services
     try:
-        wait_until(lambda: server.started and services.bench.camera.state.frames > 0)
-        wait_until(lambda: services.bench.turntable.is_connected)
+        wait_until(lambda: server.started)
+        wait_until_connected(services.bench)
         yield Running(listening.getsockname()[1], services)
     finally:
         server.should_exit = True
         thread.join()
         listening.close()
+
+
+def wait_until_connected(bench: Bench) -> None:
+    """Until camera and board are there; one that was not heard in time on a busy machine is asked again."""
+
+    def is_there() -> bool:
+        now = bench.snapshot()
+        if now.problems:
+            with contextlib.suppress(DeviceError):
+                bench.connect()
+        return bool(now.turntable) and now.camera.frames > 0
+
+    wait_until(is_there)
 
 
 def wait_until(is_so: Callable[[], bool]) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from fastapi.testclient import TestClient
+from running_server import wait_until_connected
 
 from app.api.versioned import API
 from app.devices.bench_file import simulated_description
@@ -23,7 +24,7 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Iterator[TestClient]:
     description = simulated_description("horus", object="sphere", width=320, height=240, rate=20.0)
     application = create_app(Settings(tmp_path_factory.mktemp("server"), "simulated"), description)
     with TestClient(application, base_url="http://localhost") as client:
-        _wait(lambda: client.get(f"{API}/bench").json()["camera"]["connected"])
+        wait_until_connected(application.state.services.bench)
         yield client
 
 
@@ -45,8 +46,8 @@ def test_a_scan_from_its_order_to_its_download(client: TestClient, tmp_path: Pat
     job = client.post(f"{API}/jobs/scan", json=wanted).json()
     ended = _ended(client, job["id"])
     assert ended["state"] == "done", ended
-    scan = next(each for each in client.get(f"{API}/scans").json() if each["title"] == "A ball")
-    assert scan["pictures"] == 24
+    scan = client.get(f"{API}/scans/{ended['scan']}").json()
+    assert (scan["title"], scan["pictures"]) == ("A ball", 24)
     cloud = client.get(f"{API}/scans/{scan['name']}/cloud.ply")
     (tmp_path / "ball.ply").write_bytes(cloud.content)
     assert len(read_ply(tmp_path / "ball.ply").points) == scan["clouds"][-1]["points"] > 500
@@ -71,9 +72,8 @@ def test_a_cancelled_scan_is_gone_on_with(client: TestClient) -> None:
     assert busy.status_code == 409
     client.post(f"{API}/jobs/{job['id']}/cancel")
     assert _ended(client, job["id"])["state"] == "cancelled"
-    scan = next(each for each in client.get(f"{API}/scans").json() if each["title"] == "Half")
-    assert scan["status"] == "paused"
-    more = client.post(f"{API}/jobs/resume-scan", json={"scan": scan["name"]}).json()
+    assert client.get(f"{API}/scans/{job['scan']}").json()["status"] == "paused"
+    more = client.post(f"{API}/jobs/resume-scan", json={"scan": job["scan"]}).json()
     ended = _ended(client, more["id"])
     assert ended["state"] == "done", ended
     assert ended["result"]["pictures"] == 120
@@ -159,7 +159,7 @@ def _ended(client: TestClient, job_id: str) -> dict[str, Any]:
     return shown
 
 
-def _wait(is_so: Callable[[], bool], timeout_s: float = 60.0) -> None:
+def _wait(is_so: Callable[[], bool], timeout_s: float = 300.0) -> None:
     ends = time.monotonic() + timeout_s
     while not is_so():
         assert time.monotonic() < ends, "it never came to be"

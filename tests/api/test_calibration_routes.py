@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from fastapi import FastAPI
 from fastapi.testclient import TestClient
+from running_server import wait_until_connected
 
 from app.api.versioned import API
 from app.calibration.record import CalibrationRecord
@@ -32,7 +33,7 @@ def application(tmp_path_factory: pytest.TempPathFactory) -> FastAPI:
 @pytest.fixture(scope="module")
 def client(application: FastAPI) -> Iterator[TestClient]:
     with TestClient(application, base_url="http://localhost") as client:
-        _wait(lambda: client.get(f"{API}/bench").json()["camera"]["connected"])
+        wait_until_connected(application.state.services.bench)
         yield client
 
 
