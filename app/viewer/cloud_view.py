@@ -109,7 +109,7 @@ class CloudView:
     def show_boards(
         self, spec: BoardSpec, poses: Sequence[RigidTransform], *, on_table: bool = False
     ) -> None:
-        """Draw the calibration board in the poses that were captured; none takes them away.
+        """Draw the calibration board in the poses that were captured, until a scan is shown or none is given.
 
         Args:
             spec: the board.
@@ -136,6 +136,7 @@ class CloudView:
     def begin(self, laser_names: Sequence[str]) -> None:
         """Empty the table for a new scan."""
         names = tuple(laser_names)
+        self._put(self._stage.take_boards_away)
         self._put(lambda: self._cloud.begin(names))
 
     def add(self, profile: Profile) -> None:
@@ -148,6 +149,7 @@ class CloudView:
 
     def show_cloud(self, cloud: PointCloud) -> None:
         """Show a finished scan instead of what is there."""
+        self._put(self._stage.take_boards_away)
         self._put(lambda: self._cloud.show(cloud))
 
     def show_mesh(
@@ -163,6 +165,7 @@ class CloudView:
             faces: (M, 3) numbers of vertices, counter-clockwise from outside.
             colours: (N, 3) red, green, blue of the vertices; one for all where not given.
         """
+        self._put(self._stage.take_boards_away)
         self._put(lambda: self._cloud.show_mesh(vertices, faces, colours))
 
     def clear(self) -> None:

@@ -122,9 +122,7 @@ class Stage:
             poses: camera_from_board of each view, or table_from_board.
             on_table: whether they are the latter, and turn with the table.
         """
-        for board in self._boards:
-            board.remove()
-        self._boards.clear()
+        self.take_boards_away()
         outline = spec.outline()
         middle, size = outline.mean(axis=0), outline[2] - outline[0]
         picture = board_picture(spec)
@@ -140,6 +138,12 @@ class Stage:
                 receive_shadow=False,
             )  # fmt: skip
             self._boards.append(node)
+
+    def take_boards_away(self) -> None:
+        """Leave the place to what is scanned."""
+        for board in self._boards:
+            board.remove()
+        self._boards.clear()
 
     def _draw_camera(self, rig: Rig, world_from_camera: RigidTransform) -> None:
         width, height = rig.camera.size
