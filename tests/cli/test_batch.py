@@ -6,8 +6,10 @@ import signal
 import threading
 import time
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -26,6 +28,7 @@ from app.simulation.rig import standard_rig
 from app.surface.finish import Finish, Preset, preset_mesh
 
 _PATIENCE_S = 120.0
+_REPEATED = 100
 
 
 @pytest.fixture(scope="module")
@@ -78,14 +81,33 @@ def interrupt() -> None:
 
 def kill_the_worker() -> None:
     for child in psutil.Process().children():
-        if any("spawn_main" in word for word in child.cmdline()):
-            child.kill()
+        with suppress(psutil.Error):
+            if any("spawn_main" in word for word in child.cmdline()):
+                child.kill()
+
+
+def lengthened(recording: Path) -> None:
+    """Make a copy so long that nobody is done with it.
+
+    Its worker waits when it has told more than the line to it holds, which is nowhere as much, until somebody
+    hears it: whatever is done when the first word of its stops is heard is done in their midst.
+    """
+
+    def repeat(document: dict[str, Any]) -> None:
+        for frame in [each for each in document["frames"] if each["role"] == "scan"]:
+            for number in range(_REPEATED):
+                again = f"{frame['file']}-{number}.png"
+                (recording / again).hardlink_to(recording / frame["file"])
+                document["frames"].append(frame | {"file": again})
+
+    rewritten(recording, repeat)
 
 
 def test_a_batch_goes_on_past_a_bad_recording_and_a_dead_worker(scan: Path, tmp_path: Path) -> None:
     first, second, bad = tmp_path / "a" / "ball", tmp_path / "b" / "ball", tmp_path / "bad"
     copied(scan, first)
     copied(scan, second)
+    lengthened(second)
     bad.mkdir()
     plan = BatchPlan(order_for(scan), tmp_path / "things")
     recordings = [first, bad, second, first / "recording.json"]
@@ -124,6 +146,7 @@ def test_a_batch_goes_on_past_a_bad_recording_and_a_dead_worker(scan: Path, tmp_
     assert outcomes(run_batch([first], plan, Watched())) == ["failed"]
     assert {path.name for path in (plan.out / "ball").iterdir()} == kept
     (tmp_path / "elsewhere").rename(first)
+    replaced(second / "recording.json", (scan / "recording.json").read_bytes())
     ended = turnscan("batch", first, second, *_OPTIONS, "-c", scan / "truth.json", "--out", plan.out)
     assert ended.code == 2, ended.said
     assert {path.name for path in (plan.out / "ball").iterdir()} == {"result.json"}
@@ -141,6 +164,8 @@ def cluster() -> Iterator[LocalCluster]:
         yield cluster
 
 
+# Dask warns where the disk is slow, as that of a busy machine may be.
+@pytest.mark.filterwarnings("ignore:Creating scratch directories")
 def test_a_cluster_ends_the_batch_when_one_of_two_workers_is_killed(
     scan: Path, tmp_path: Path, cluster: LocalCluster
 ) -> None:
@@ -149,9 +174,11 @@ def test_a_cluster_ends_the_batch_when_one_of_two_workers_is_killed(
     plan = BatchPlan(order_for(scan), tmp_path / "things", scheduler=cluster.scheduler_address)
     killed: list[int] = []
 
-    def kill_a_busy_worker() -> None:
-        with Client(cluster.scheduler_address, set_as_default=False) as client:
-            pids = client.run(os.getpid)
+    with Client(cluster.scheduler_address, set_as_default=False) as client:
+        # Asked before there is work: busy workers answer late.
+        pids = client.run(os.getpid)
+
+        def kill_a_busy_worker() -> None:
             give_up = time.monotonic() + _PATIENCE_S
             while not killed and time.monotonic() < give_up:
                 for address, work in client.processing().items():
@@ -159,10 +186,10 @@ def test_a_cluster_ends_the_batch_when_one_of_two_workers_is_killed(
                         os.kill(pids[address], signal.SIGKILL)
                         killed.append(pids[address])
 
-    killer = threading.Thread(target=kill_a_busy_worker)
-    killer.start()
-    rows = run_batch([*recordings, bad], plan, Watched())
-    killer.join(_PATIENCE_S)
+        killer = threading.Thread(target=kill_a_busy_worker)
+        killer.start()
+        rows = run_batch([*recordings, bad], plan, Watched())
+        killer.join(_PATIENCE_S)
     assert killed
     assert outcomes(rows) == ["done", "done", "failed"]
 
