@@ -6,6 +6,7 @@ import os
 import threading
 from collections.abc import AsyncIterator, Callable, Sequence
 from contextlib import ExitStack, asynccontextmanager, closing
+from importlib import import_module
 from pathlib import Path
 
 from fastapi import FastAPI
@@ -54,6 +55,8 @@ from app.viewer.proxy import view_routes
 SETTING_UP = "setting up"
 """Name of the thread that connects devices and compiles for them; nobody waits for it."""
 _FIRST_ANSWERS_S = 0.1
+# Each takes a while to load, which neither the start shall wait for nor the first job.
+_NEEDED_LATER = ("app.jobs.calibrate_solve", "app.surface.meshing.make")
 _log = logging.getLogger(__name__)
 
 
@@ -188,7 +191,7 @@ def _show_calibration(record: CalibrationRecord, view: CloudView, pictures: Live
 
 
 def _set_up(served: Services, view: CloudView, is_over: threading.Event) -> None:
-    """What takes time: devices, and the scene that a calibration allows."""
+    """What takes time: devices, the scene that a calibration allows, and what only work needs."""
     try:
         served.bench.connect()
     except DeviceError as error:
@@ -196,6 +199,9 @@ def _set_up(served: Services, view: CloudView, is_over: threading.Event) -> None
             _log.warning("%s. %s", error.message.rstrip("."), error.hint)
     if not is_over.is_set():
         _show_known(served, view)
+    for module in _NEEDED_LATER:
+        if not is_over.is_set():
+            import_module(module)
 
 
 def _show_known(served: Services, view: CloudView) -> None:

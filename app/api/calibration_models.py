@@ -9,10 +9,9 @@ from pydantic import BaseModel, ValidationError
 
 from app.calibration.compare import Comparison
 from app.calibration.foreign.importing import notes_of
-from app.calibration.proof import Verdict
+from app.calibration.proof import PROOF_KEY, Verdict
 from app.calibration.record import CalibrationRecord
 from app.calibration.store import KeptCalibration
-from app.jobs.calibrate_solve import PROOF_KEY
 
 Level = Literal["green", "amber", "red"]
 # Beyond which a difference is no accident any more.

@@ -5,8 +5,6 @@ import math
 from typing import Literal, TypeAlias
 from xml.sax.saxutils import escape
 
-from reportlab.pdfgen.canvas import Canvas
-
 from app.calibration.drawing import BoardDrawing, Disk, Rectangle, Ring, Text
 from app.errors import OptionError
 
@@ -40,6 +38,9 @@ def page_size(drawing: BoardDrawing, paper: Paper) -> tuple[float, float]:
 
 def pdf_bytes(drawing: BoardDrawing, paper: Paper) -> bytes:
     """One page with the drawing in its middle."""
+    # Loaded when it is wanted, since few starts of the server see a page printed.
+    from reportlab.pdfgen.canvas import Canvas
+
     width, height = page_size(drawing, paper)
     left, top = (width - drawing.width_mm) / 2.0, (height - drawing.height_mm) / 2.0
     file = io.BytesIO()

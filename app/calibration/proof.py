@@ -16,6 +16,9 @@ from app.geometry.plane import LaserPlane, PlaneFit, fit_plane_robust
 from app.geometry.rig import Rig
 from app.geometry.transform import RigidTransform
 
+PROOF_KEY = "proof"
+"""Where a calibration file keeps what the proof found."""
+
 # A surface of the size that is scanned most.
 _OBJECT_RADIUS_MM = 50.0
 _FEWEST_STOPS = 3

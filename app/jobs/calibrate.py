@@ -22,7 +22,6 @@ from app.files import reason
 from app.jobs.calibrate_boards import ShowBoards, boards_of
 from app.jobs.calibrate_order import ORDER_FILE, CalibrationOrder
 from app.jobs.calibrate_run import RECORDING_FOLDER, CalibrationRun
-from app.jobs.calibrate_solve import solve_captured, with_findings
 from app.jobs.calibrate_state import Kind, Step
 from app.jobs.calibrate_views import views_on_disk
 from app.jobs.runner import JobContext, Work
@@ -66,6 +65,9 @@ def calibrate_work(
                 bench, run.folder, order.board, run.ask, run.watch, order.capture_plan(run.limits),
                 resumes=CaptureSession.is_begun(run.folder), struck=run.struck,
             )  # fmt: skip
+            # A third of a second, which the server's start can do without.
+            from app.jobs.calibrate_solve import solve_captured
+
             detector, plan = STRIPE_DETECTORS.make(order.detector), order.calibration_plan()
             outcome, proof = solve_captured(captured, detector, plan, run.solving)
             return _kept(job, run, store, outcome, proof, on_calibrated, on_boards)
@@ -183,6 +185,8 @@ def _kept(
     on_calibrated: Callable[[CalibrationRecord], None],
     on_boards: ShowBoards,
 ) -> Mapping[str, Any]:
+    from app.jobs.calibrate_solve import with_findings
+
     record = outcome.record
     is_whole = bool(record.lasers) and record.axis is not None
     in_use = is_whole and not (outcome.doubts and _has_better(store))

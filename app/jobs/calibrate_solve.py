@@ -6,14 +6,11 @@ from app.calibration.capture import Captured
 from app.calibration.capture_solve import calibrate_captured
 from app.calibration.outcome import CalibrationOutcome
 from app.calibration.plan import CalibrationPlan
-from app.calibration.proof import Proof, Verdict, prove
+from app.calibration.proof import PROOF_KEY, Proof, Verdict, prove
 from app.calibration.views import gather
 from app.errors import CalibrationError
 from app.jobs.table_height import OnProgress, with_reference, with_table
 from app.vision.stripe import StripeDetector
-
-PROOF_KEY = "proof"
-"""Where a calibration file keeps what the proof found."""
 
 _NO_PROOF = "The calibration could not be proved."
 

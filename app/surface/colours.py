@@ -1,15 +1,19 @@
 """What colour a place has between points of known colours."""
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from app.geometry.arrays import Points
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 _NEIGHBOURS = 4
 
 
-def colours_at(places: Points, tree: cKDTree, colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def colours_at(places: Points, tree: "cKDTree", colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """(V, 3) red, green, blue: the mean of the nearest points', the nearer the more.
 
     Args:

@@ -3,22 +3,23 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field
-from scipy.spatial import cKDTree
 
 from app.errors import SurfaceError
 from app.geometry.cloud import PointCloud
 from app.geometry.mesh import TriangleMesh
-from app.surface.meshing.make import Progress, make_mesh
 from app.surface.meshing.options import MeshOptions
 from app.surface.normals import has_normals, with_normals
 from app.surface.printing import PrintReport, check_print
 from app.surface.step import StepDocument, parse_step
 from app.surface.texture import Texture, paint_texture
 from app.surface.thinning import MOST_POINTS, without_copies
+
+if TYPE_CHECKING:
+    from app.surface.meshing.make import Progress
 
 TextureSize = Annotated[int, Field(ge=64, le=8192)]
 """Pixels along the longer side of a picture with a mesh's colours."""
@@ -169,7 +170,7 @@ class Finished:
 
 
 def finish(
-    clouds: Sequence[PointCloud], order: Finish | None = None, progress: Progress | None = None
+    clouds: Sequence[PointCloud], order: Finish | None = None, progress: "Progress | None" = None
 ) -> Finished:
     """Clean a cloud, or several in one frame, and make the surface of them.
 
@@ -212,6 +213,9 @@ def finish(
     report = FinishReport(len(raw), len(raw) - different, thinned, estimated, tuple(done))
     if not order.has_mesh:
         return Finished(cloud, None, report)
+    # As in `Places.of`.
+    from app.surface.meshing.make import make_mesh
+
     mesh = make_mesh(cloud, order.mesh_options, lambda words, share: tell(words, 0.3 + 0.5 * share))
     texture = None
     if order.texture_px is not None:
@@ -249,6 +253,9 @@ def _guessed(mesh: TriangleMesh, cloud: PointCloud, options: MeshOptions) -> flo
         return 1.0
     rng = np.random.default_rng(0)
     chosen = rng.choice(len(areas), min(_GUESS_SAMPLE, len(areas)), p=areas / areas.sum())
+    # As in `Places.of`.
+    from scipy.spatial import cKDTree
+
     tree = cKDTree(cloud.points)
     sample = cloud.points[:: -(-len(cloud) // 2_000)]
     spacing = float(np.median(tree.query(sample, k=[2], workers=-1)[0]))

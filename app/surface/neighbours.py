@@ -2,14 +2,16 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from app.errors import SurfaceError
 from app.geometry.arrays import Floats, Points, Vector3
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 MOST_POINTS = 20_000_000
 """More are refused: a tree of them and their neighbours would not fit into a usual machine's memory."""
@@ -37,7 +39,7 @@ class Places:
     points: Points
     first: NDArray[np.intp]
     of_point: NDArray[np.intp]
-    tree: cKDTree
+    tree: "cKDTree"
 
     def __len__(self) -> int:
         return len(self.points)
@@ -54,6 +56,9 @@ class Places:
                 f"{len(points):,} points are too many to look for neighbours; {MOST_POINTS:,} is the most.",
                 "Thin the cloud first, with the step thin.",
             )
+        # SciPy takes a third of a second to load, which the server's start can do without.
+        from scipy.spatial import cKDTree
+
         order = np.argsort(_along_curve(points), kind="stable")
         ordered = points[order].astype(np.float64)
         is_new = np.ones(len(points), np.bool_)

@@ -7,8 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
 from app.geometry.arrays import Floats, Points
 from app.geometry.cloud import PointCloud
@@ -172,6 +170,10 @@ def _signs(middle: Points, normals: Floats) -> Floats:
     near = Places.of(middle)
     count = min(_PATCH_NEIGHBOURS, len(near))
     starts, ends = [], []
+    # As in `Places.of`.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+
     for part, _, numbers in near.nearest(count):
         starts.append(np.repeat(np.arange(part.start, part.stop), count))
         ends.append(numbers.ravel())

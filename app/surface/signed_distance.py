@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from app.errors import SurfaceError
 from app.geometry.arrays import Floats, Points
@@ -29,6 +28,9 @@ def distances_to_mesh(points: NDArray[Any], mesh: TriangleMesh) -> Floats:
     Raises:
         SurfaceError: the mesh has no triangle with an area.
     """
+    # As in `Places.of`.
+    from scipy.spatial import cKDTree
+
     corners = mesh.corners()
     normals = mesh.face_vectors()
     areas = np.linalg.norm(normals, axis=1)

@@ -5,6 +5,8 @@ import logging
 import os
 import socket
 import ssl
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -29,6 +31,22 @@ from app.serving.notify import Notifier
 from app.serving.pulse import Pulse
 from app.serving.welcome import login_link, network_lines, password_lines, qr_code
 from app.settings import Settings, read_service_manager, read_settings
+
+_LOADED_BY_THE_START = """
+import sys
+import app.cli.serve, app.main
+from app.api.versioned import versioned_routes
+versioned_routes()
+loaded = {name.partition(".")[0] for name in sys.modules}
+print(*loaded & {"scipy", "numba", "matplotlib", "reportlab", "cryptography", "zeroconf"})
+"""
+
+
+def test_the_first_answer_waits_for_no_library_that_only_work_needs() -> None:
+    told = subprocess.run(
+        [sys.executable, "-c", _LOADED_BY_THE_START], capture_output=True, text=True, check=True
+    )
+    assert told.stdout.split() == []
 
 
 def test_an_option_wins_over_the_environment_and_that_over_the_usual() -> None:

@@ -2,7 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from app.geometry.arrays import Points
 from app.geometry.mesh import TriangleMesh
@@ -85,6 +84,9 @@ def _reduced(mesh: TriangleMesh, triangles: int) -> TriangleMesh:
 def _coloured_like(mesh: TriangleMesh, vertices: Points, faces: NDArray[np.integer]) -> TriangleMesh:
     colours = None
     if mesh.colours is not None and len(vertices):
+        # As in `Places.of`.
+        from scipy.spatial import cKDTree
+
         _, nearest = cKDTree(mesh.vertices).query(vertices, workers=-1)
         colours = mesh.colours[nearest]
     return TriangleMesh(vertices.astype(np.float32), faces.astype(np.int32), colours)

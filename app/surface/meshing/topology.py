@@ -2,8 +2,6 @@
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from app.geometry.arrays import Floats
 from app.geometry.mesh import TriangleMesh
@@ -37,6 +35,10 @@ def is_watertight(mesh: TriangleMesh) -> bool:
 
 def pieces_of(mesh: TriangleMesh) -> NDArray[np.int32]:
     """(F,) which of its pieces each triangle belongs to; pieces hang together by vertices."""
+    # As in `Places.of`.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     size = len(mesh.vertices)
     edges = directed_edges(mesh.faces)
     graph = coo_array((np.ones(len(edges), np.int8), (edges[:, 0], edges[:, 1])), shape=(size, size))
