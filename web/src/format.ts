@@ -5,7 +5,9 @@ import { preferences, type Unit } from "./preferences.svelte";
 const MM_PER_INCH = 25.4;
 
 export function number(value: number, digits = 0): string {
-  const options = { minimumFractionDigits: digits, maximumFractionDigits: digits };
+  // Nothing is not less than nothing.
+  const signDisplay = "negative" as const;
+  const options = { minimumFractionDigits: digits, maximumFractionDigits: digits, signDisplay };
   return new Intl.NumberFormat(language.locale, options).format(value);
 }
 

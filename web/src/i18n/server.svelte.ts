@@ -51,7 +51,7 @@ export function toldProblem(problem: { code: string; message: string; hint?: str
     if (wayOut !== undefined) return { sentence: exact, hint: wayOut, isForeign: false };
   }
   if (!said) return { sentence: message, hint, isForeign: language.now !== "en" };
-  const detail = [message, hint].filter(Boolean).join(" ");
+  const detail = [/[.!?]$/.test(message) ? message : `${message}.`, hint].filter(Boolean).join(" ");
   return { sentence: said[0], hint: said[1], isForeign: false, detail };
 }
 
