@@ -16,8 +16,11 @@ _ALIKE = 0.7
 # Fewer searches are done before the threads are started.
 _MANY = 20_000
 _MAD_TO_SIGMA = 1.4826
-# Residuals beyond so many sigmas count for nothing.
+# Residuals beyond so many sigmas count for nothing,
 _TUKEY = 4.0
+# but not those within such a share of the reach: what agrees already, such as a round wall, must not outvote the
+# little that holds it along, such as a rim, before that has come near.
+_LEAST_LIMIT = 0.06
 # Steps of such a share of the reach change nothing.
 _STILL = 1e-4
 
@@ -126,7 +129,8 @@ def refine(
                 pairs = Partners.between(scans[one].sample, found[one], scans[other], found[other], reach_mm)
                 if len(pairs) < 6:
                     continue
-                weights = pairs.weights / pairs.weights.mean() * tukey(pairs.apart_mm)
+                agreeing = tukey(pairs.apart_mm, _LEAST_LIMIT * reach_mm)
+                weights = pairs.weights / pairs.weights.mean() * agreeing
                 arms = (pairs.points - middle) / reach
                 rows = np.hstack([np.cross(arms, pairs.normals), pairs.normals])
                 block = (rows * weights[:, None]).T @ rows
@@ -152,9 +156,10 @@ def refine(
     return found
 
 
-def tukey(residuals: Floats) -> Floats:
-    """(N,) weights 0..1: one for what agrees, none for what is far from usual."""
-    share = np.clip(residuals / (_TUKEY * max(spread(residuals), 1e-9)), -1.0, 1.0)
+def tukey(residuals: Floats, least_limit: float = 0.0) -> Floats:
+    """(N,) weights 0..1: one for what agrees, none for what is far from usual and beyond that limit."""
+    limit = max(_TUKEY * spread(residuals), least_limit, 1e-9)
+    share = np.clip(residuals / limit, -1.0, 1.0)
     return (1.0 - share**2) ** 2
 
 
