@@ -52,6 +52,14 @@ def test_half_a_ball_is_finished_but_not_to_be_trusted() -> None:
     assert any("is a guess" in doubt for doubt in done.report.doubts)
 
 
+def test_points_strewn_about_are_doubted() -> None:
+    rng = np.random.default_rng(4)
+    strewn = _scanned_ball(500)
+    nowhere = rng.uniform(0.0, 40.0, strewn.points.shape).astype(np.float32)
+    done = finish([replace(strewn, points=nowhere, normals=0.0 * strewn.normals)], Finish(steps=()))
+    assert any("lie on no surface" in doubt for doubt in done.report.doubts)
+
+
 def test_points_of_other_programs_get_normals_and_that_is_said() -> None:
     ball = _scanned_ball(10_000)
     bare = replace(ball, normals=np.zeros_like(ball.normals))

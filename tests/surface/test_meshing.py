@@ -14,6 +14,7 @@ from app.surface.meshing.make import make_mesh
 from app.surface.meshing.options import MeshOptions
 from app.surface.meshing.simplify import to_count, to_tolerance
 from app.surface.meshing.topology import is_watertight, pieces_of, rim_edges, with_faces
+from app.surface.normals import with_normals
 from app.surface.signed_distance import distances_to_mesh
 
 RADIUS_MM = 20.0
@@ -93,6 +94,25 @@ def test_a_flat_layer_is_refused_when_it_is_to_stand() -> None:
 def test_too_few_points_are_refused_in_plain_words(count: int) -> None:
     with pytest.raises(SurfaceError, match="points have a normal"):
         make_mesh(_ball(count))
+
+
+def test_a_detail_that_the_points_cannot_carry_is_refused_and_a_sparse_ball_is_not() -> None:
+    strewn = _ball(100)
+    rng = np.random.default_rng(4)
+    strewn = with_normals(
+        replace(
+            strewn, points=rng.uniform(0.0, 40.0, (100, 3)).astype(np.float32), normals=0.0 * strewn.normals
+        )
+    )
+    for detail, is_closed in ((1.0, True), (0.5, True), (1.0, False)):
+        options = MeshOptions(cell_mm=detail, is_closed=is_closed, has_flat_base=False)
+        with pytest.raises(SurfaceError, match=r"apart: too few for a detail of") as refused:
+            make_mesh(strewn, options)
+        assert "Take a coarser detail, such as 1" in refused.value.hint
+    # Its points lie four cells apart, and tell by their normals what is between.
+    sparse = make_mesh(_ball(300), MeshOptions(cell_mm=1.2, has_flat_base=False))
+    np.testing.assert_allclose(np.linalg.norm(sparse.vertices, axis=1), RADIUS_MM, atol=1.0)
+    assert _is_watertight(sparse)
 
 
 def test_a_thousand_copies_of_one_point_are_no_surface() -> None:

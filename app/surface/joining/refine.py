@@ -18,8 +18,8 @@ _MANY = 20_000
 _MAD_TO_SIGMA = 1.4826
 # Residuals beyond so many sigmas count for nothing,
 _TUKEY = 4.0
-# but not those within such a share of the reach: what agrees already, such as a round wall, must not outvote the
-# little that holds it along, such as a rim, before that has come near.
+# but not those within such a share of the reach: what agrees already, such as a round wall, must not outvote
+# the little that holds it along, such as a handle, before that has come near.
 _LEAST_LIMIT = 0.06
 # Steps of such a share of the reach change nothing.
 _STILL = 1e-4

@@ -70,8 +70,8 @@ class Sample:
     def thinned(self, cell_mm: float) -> "Sample":
         """One mean point for each cell and side: the two faces of a thin wall stay apart.
 
-        Where the surface bends within a cell, such as on the rim of a cup, the mean lies beside it, and stripes
-        are seen a little beside it, too, from each side otherwise: such points are less sure than their noise.
+        Where the surface bends within a cell, such as on the rim of a cup, the mean lies beside it, and
+        stripes are seen beside it, too, from each side otherwise: such points are less sure than others.
         """
         keys = cell_keys(self.points, cell_mm)
         side = (self.normals > 0.0) @ np.array([1, 2, 4])

@@ -18,6 +18,7 @@ from app.surface.meshing.contour import contour
 from app.surface.meshing.grid import Grid
 from app.surface.meshing.holes import fill_holes
 from app.surface.meshing.indicator import areas_of, level_of, solve_indicator
+from app.surface.meshing.layout import Layout
 from app.surface.meshing.options import MeshOptions
 from app.surface.meshing.simplify import to_count, to_tolerance
 from app.surface.meshing.snap import snap
@@ -27,7 +28,9 @@ Progress = Callable[[str, float], None]
 """Told what is being done, and how much of all is done, 0..1."""
 
 _FEWEST_POINTS = 50
-_SPACING_SAMPLE = 5_000
+_CELL_SPACINGS = 1.5
+# Cells between points across which a surface is still followed, and where normals are at odds.
+_MOST_SPACING_CELLS, _STREWN_CELLS = 6.0, 2.0
 _SNAP_CELLS = 1.5
 _TRIM_CELLS = 2.0
 # Ten kilometres: beyond it lies what was read wrongly.
@@ -47,13 +50,17 @@ def make_mesh(
         progress: told how far it is.
 
     Raises:
-        SurfaceError: there are too few points with normals, they span nothing, or close around nothing.
+        SurfaceError: there are too few points with normals, or for the detail; they span nothing, or close
+            around nothing.
     """
     options = options or MeshOptions()
     tell = progress or (lambda words, share: None)
     usable = _usable(cloud)
     points, normals, weights = usable.points, usable.normals, usable.weights
-    grid = Grid.around(points, _cell(points, options))
+    tree = cKDTree(points, balanced_tree=False)
+    layout = Layout.of(tree, normals)
+    grid = Grid.around(points, _cell(points, layout, options))
+    _refuse_too_fine(layout, grid.cell_mm, options)
     tell("measuring density", 0.05)
     areas = areas_of(grid, points)
     held_points, held_normals, held_areas = points, normals, areas
@@ -87,12 +94,11 @@ def make_mesh(
         raise SurfaceError("The points do not close around anything.", "Scan the thing from all sides.")
     tell("fitting to the points", 0.7)
     vertices = snap(
-        mesh.vertices.astype(np.float64), outward, points, normals, weights, _SNAP_CELLS * grid.cell_mm
+        mesh.vertices.astype(np.float64), outward, tree, normals, weights, _SNAP_CELLS * grid.cell_mm
     )
     if stands:
         vertices[:, 2] = np.maximum(vertices[:, 2], foot)
     tell("colouring", 0.9)
-    tree = cKDTree(points)
     made = TriangleMesh(vertices.astype(np.float32), mesh.faces, colours_at(vertices, tree, usable.colours))
     if not options.is_closed:
         made = _trimmed(made, tree, options.trim_mm or _TRIM_CELLS * grid.cell_mm)
@@ -146,13 +152,26 @@ def _usable(cloud: PointCloud) -> _Usable:
     return _Usable(points, normals.astype(np.float64), (usual / sigma) ** 2, cloud.colours[is_usable])
 
 
-def _cell(points: Points, options: MeshOptions) -> float:
+def _refuse_too_fine(layout: Layout, cell_mm: float, options: MeshOptions) -> None:
+    """What lies between points may be guessed where they tell which way it goes, but not at any distance."""
+    if not options.is_closed:
+        # Discs of the trimmed width around points that lie further apart do not touch.
+        most_mm = 2.0 * (options.trim_mm or _TRIM_CELLS * cell_mm)
+    elif layout.is_strewn:
+        most_mm = _STREWN_CELLS * cell_mm
+    else:
+        most_mm = _MOST_SPACING_CELLS * cell_mm
+    spacing = layout.spacing_mm
+    if spacing > most_mm:
+        raise SurfaceError(
+            f"The points lie about {spacing:.3g} mm apart: too few for a detail of {cell_mm:.3g} mm.",
+            f"Take a coarser detail, such as {_CELL_SPACINGS * spacing:.2g} mm, or scan more points.",
+        )
+
+
+def _cell(points: Points, layout: Layout, options: MeshOptions) -> float:
     """The size of a cell that was asked for, or that the points' spacing allows, within the most cells."""
-    wanted = options.cell_mm
-    if wanted is None:
-        step = max(1, len(points) // _SPACING_SAMPLE)
-        distances, _ = cKDTree(points).query(points[::step], k=[5], workers=-1)
-        wanted = max(1.5 * float(np.median(distances)), 1e-3)
+    wanted = options.cell_mm or max(_CELL_SPACINGS * layout.spacing_mm, 1e-3)
     smallest = Grid.around(points, float(np.ptp(points, axis=0).max()) / 40.0)
     volume = smallest.cells * smallest.cell_mm**3
     return max(wanted, 1.1 * math.cbrt(volume / options.most_cells))

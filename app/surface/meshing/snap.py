@@ -11,7 +11,7 @@ _AT_ONCE = 200_000
 
 
 def snap(
-    vertices: Points, outward: Points, points: Points, normals: Points, weights: Floats, sigma_mm: float
+    vertices: Points, outward: Points, tree: cKDTree, normals: Points, weights: Floats, sigma_mm: float
 ) -> Points:
     """Move vertices along their normals onto the surface that the points tell; those far from all stay.
 
@@ -20,14 +20,14 @@ def snap(
 
     Args:
         vertices, outward: (V, 3) mm and unit vectors.
-        points, normals: (N, 3) mm and unit vectors.
+        tree: of the points (N, 3) mm.
+        normals: (N, 3) their unit vectors.
         weights: (N,) of each point, such as one by its variance.
         sigma_mm: over how much of the surface is averaged.
 
     Returns:
         (V, 3) mm.
     """
-    tree = cKDTree(points)
     moved = vertices.copy()
     for first in range(0, len(vertices), _AT_ONCE):
         part = slice(first, first + _AT_ONCE)
