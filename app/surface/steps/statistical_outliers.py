@@ -9,8 +9,8 @@ from app.geometry.cloud import PointCloud
 from app.surface.neighbours import Places, is_finite
 from app.surface.step import STEPS, Step
 
-# Towards its edge, and where it was seen at a slant, a surface has fewer points, all of them further apart. An
-# outlier is so many times further from its neighbours than those are from theirs.
+# Towards its edge, and where it was seen at a slant, a surface has fewer points, all of them further apart.
+# An outlier is so many times further from its neighbours than those are from theirs.
 _ALONE = 1.3
 # So many times the limit nothing is only sparse.
 _FAR = 2.0
