@@ -42,7 +42,9 @@ export const notices = {
 /** Shows a notice; it goes by itself, unless something is wrong. */
 export function tell(notice: Omit<Notice, "id">): number {
   const id = ++last;
-  shown = [...shown.slice(1 - MOST), { ...notice, id }];
+  // What is said again takes the place of what was said.
+  const others = shown.filter((each) => each.sentence !== notice.sentence || each.action);
+  shown = [...others.slice(1 - MOST), { ...notice, id }];
   if (notice.tone !== "danger") {
     setTimeout(() => dismiss(id), notice.action ? SHOWN_WITH_ACTION_MS : SHOWN_MS);
   }
