@@ -400,6 +400,10 @@ def test_options_that_make_no_table_are_refused(options: dict[str, object]) -> N
 def test_the_farewell_stops_and_darkens_in_the_words_of_the_board() -> None:
     fans, printer = quick("x", laser="M106", lasers=(0, 1)), quick("x", laser="M700", lasers=(0,))
     assert fans.farewell is not None
-    assert [word for word, _ in fans.farewell.words] == [b"\n", b"M410\n", b"M107 P0\nM107 P1\nM18\n"]
+    assert [word for word, _ in fans.farewell.words] == [
+        b"\nM107 P0\nM107 P1\n",
+        b"M410\n",
+        b"M107 P0\nM107 P1\nM18\n",
+    ]
     assert printer.farewell is not None
     assert re.search(rb"M700 S0\nM18\n$", printer.farewell.words[-1][0])

@@ -110,9 +110,9 @@ class FabScan(BoardDriver):
 
     @property
     def farewell(self) -> Farewell | None:
-        # Opening resets the board, or it does not; both are waited for.
-        words = ((b"\n", 1.5), (b"M22;\nM20;\nM18;\n", 0.3))
-        return Farewell(self.port, self._link.baud, words)
+        # For a board that opening does not reset, and again for one that it does.
+        off = b"M22;\nM20;\nM18;\n"
+        return Farewell(self.port, self._link.baud, ((b"\n" + off, 1.5), (off, 0.3)))
 
     def connect(self) -> None:
         if not (self.is_connected and self._still_answers()):

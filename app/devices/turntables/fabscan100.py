@@ -77,8 +77,8 @@ class FabScan100(BoardDriver):
 
     @property
     def farewell(self) -> Farewell | None:
-        # Opening may reset the board, which then puts its laser on.
-        words = ((b"", 1.6), (NOTHING + LASER_OFF + MOTOR_OFF, 0.2))
+        # Again for a board that opening resets, which then puts its laser on.
+        words = ((NOTHING + LASER_OFF, 1.6), (NOTHING + LASER_OFF + MOTOR_OFF, 0.2))
         return Farewell(self.port, BAUD, words, STOP_BITS)
 
     def connect(self) -> None:

@@ -80,8 +80,10 @@ class HorusTable(BoardDriver):
 
     @property
     def farewell(self) -> Farewell | None:
-        # Hold, stand, reset: nothing else gets through to a board that moves. The clone needs the lines.
-        words = ((b"!", 1.2), (b"\x18", 0.8), (b"\n$X\n", 0.1), (self._board.words_off, 0.2), (b"M18\n", 0.1))
+        # A board that stands hears the lines at once. To one that moves nothing gets through but hold, stand,
+        # reset; the lines after it are for the clone.
+        off = self._board.words_off
+        words = ((off, 0.0), (b"!", 1.2), (b"\x18", 0.8), (b"\n$X\n", 0.1), (off, 0.2), (b"M18\n", 0.1))
         return Farewell(self.port, self.baud, words)
 
     def connect(self) -> None:

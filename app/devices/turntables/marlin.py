@@ -96,8 +96,9 @@ class Marlin(BoardDriver):
 
     @property
     def farewell(self) -> Farewell | None:
-        # Opening resets the board, or it does not; both are waited for.
-        words = ((b"\n", 1.5), (b"M410\n", 0.1), (self._board.words_off + b"M18\n", 0.3))
+        # For a board that opening does not reset, and again for one that it does.
+        off = self._board.words_off
+        words = ((b"\n" + off, 1.5), (b"M410\n", 0.1), (off + b"M18\n", 0.3))
         return Farewell(self.port, self._link.baud, words)
 
     def connect(self) -> None:

@@ -57,9 +57,9 @@ class Sardauscan(BoardDriver):
 
     @property
     def farewell(self) -> Farewell | None:
-        # Opening resets the board, or it does not; both are waited for.
+        # For a board that opening does not reset, and again for one that it does.
         lasers = b"".join(b"L %d 0\r" % channel for channel in self._facts.laser_channels)
-        return Farewell(self.port, _BAUD, ((b"\r", 1.5), (lasers, 0.2)))
+        return Farewell(self.port, _BAUD, ((b"\r" + lasers, 1.5), (lasers, 0.2)))
 
     def connect(self) -> None:
         is_new = not self._link.is_open
