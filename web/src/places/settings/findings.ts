@@ -57,7 +57,6 @@ const UNITS: readonly [ending: string, unit: string][] = [
   ["bytes_s", "B/s"],
   ["bytes", "B"],
   ["share", "%"],
-  ["fps", "/s"],
   ["deg", "°"],
   ["px", "px"],
   ["mm", "mm"],
