@@ -56,6 +56,7 @@ class Shown:
         scan: the finished scan that is shown, by its name in the library; empty for none.
         cloud: the file of its cloud, or of its mesh where that is shown.
         points: as many as the scan or cloud has, or vertices.
+        nowhere: more of the cloud that cannot be shown, because their positions are not finite.
         colour: what the colour of a point says.
         point_size_mm: as drawn.
         is_dark: for a dark page.
@@ -68,6 +69,7 @@ class Shown:
     scan: str = ""
     cloud: str = ""
     points: int = 0
+    nowhere: int = 0
     colour: str = "height"
     point_size_mm: float = 0.6
     is_dark: bool = True
@@ -116,12 +118,14 @@ class Scene:
                 self._drawer.finish()
 
     def show_cloud(self, scan: str, name: str, cloud: PointCloud) -> None:
-        """A cloud of a finished scan, instead of what is there."""
+        """A cloud of a finished scan, instead of what is there; without the points that lie nowhere."""
+        somewhere = cloud.select(np.flatnonzero(np.isfinite(cloud.points).all(axis=1)))
         with self._lock:
-            self._drawer.show_cloud(cloud)
+            self._drawer.show_cloud(somewhere)
             self._shown = replace(
-                self._emptied(), scan=scan, cloud=name, points=len(cloud), extent=_around(None, cloud)
-            )
+                self._emptied(), scan=scan, cloud=name, points=len(somewhere),
+                nowhere=len(cloud) - len(somewhere), extent=_around(None, somewhere),
+            )  # fmt: skip
 
     def show_mesh(self, scan: str, name: str, mesh: TriangleMesh) -> None:
         """A mesh of a finished scan, instead of what is there."""
@@ -209,7 +213,15 @@ class Scene:
     def _emptied(self) -> Shown:
         """With nothing on the table, drawn as before."""
         return replace(
-            self._shown, is_live=False, scan="", cloud="", points=0, extent=None, crop=None, measured=()
+            self._shown,
+            is_live=False,
+            scan="",
+            cloud="",
+            points=0,
+            nowhere=0,
+            extent=None,
+            crop=None,
+            measured=(),
         )
 
 

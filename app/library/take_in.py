@@ -178,7 +178,7 @@ def _check_cloud(path: Path, limits: Limits) -> None:
     if path.stat().st_size > limits.cloud_bytes:
         raise PointCloudFileError(str(path), f"is larger than {in_words(limits.cloud_bytes)}")
     painter = PreviewPainter()
-    for piece in PlyFile.open(path).pieces():
+    for piece in PlyFile.open(path).pieces(allows_nowhere=True):
         painter.add(piece)
     if not path.with_suffix(".png").exists():
         painter.write(path.with_suffix(".png"))

@@ -49,17 +49,21 @@ class _Header:
     laser_names: tuple[str, ...]
 
 
-def read_ply(path: Path) -> PointCloud:
+def read_ply(path: Path, *, allows_nowhere: bool = False) -> PointCloud:
     """The vertices of a PLY file; faces and everything else are passed over.
 
     Only x, y and z must be there. Missing normals are zero, missing colours 200 grey, a missing sigma NaN, a
     missing quality one. Normals of another length are made unit vectors. Colours stored as floats are taken
     to run from 0 to 1, as 16 bits to 65535.
 
+    Args:
+        path: of the file.
+        allows_nowhere: see `PlyFile.pieces`.
+
     Raises:
         PointCloudFileError: it is no PLY file, is cut short, or a position is not finite.
     """
-    return next(iter(PlyFile.open(path).pieces(None)))
+    return next(iter(PlyFile.open(path).pieces(None, allows_nowhere=allows_nowhere)))
 
 
 def ply_points(path: Path) -> int:

@@ -10,6 +10,7 @@ from app.errors import OutputError
 from app.files import write_whole
 from app.geometry.arrays import Floats, Vector3
 from app.geometry.cloud import PointCloud
+from app.surface.neighbours import is_finite
 from app.surface.splat import PAPER, Canvas, View, splatted
 
 _X, _Y, _Z = np.eye(3)
@@ -43,7 +44,8 @@ class PreviewPainter:
         self._kept_points = 0
 
     def add(self, cloud: PointCloud) -> None:
-        """More points."""
+        """More points; those whose positions are not finite are left out."""
+        cloud = cloud.select(is_finite(cloud.points))
         if not len(cloud):
             return
         first = -self._points % self._stride

@@ -38,8 +38,23 @@ def test_a_finished_scan_is_opened_coloured_and_cleared_away(client: TestClient)
     ).json()
     assert (changed["colour"], changed["point_size_mm"], changed["dark"]) == ("laser", 1.5, False)
     assert client.post(f"{API}/view/look", json={"preset": "top"}).status_code == 204
+    assert shown["nowhere"] == 0
     assert client.post(f"{API}/view/clear").json()["points"] == 0
     assert client.get(f"{API}/view").json()["scan"] == ""
+
+
+def test_a_cloud_with_points_that_are_nowhere_is_taken_in_and_shown_without_them(
+    client: TestClient, tmp_path: Path
+) -> None:
+    rows = "1 2 3\n4 5 nan\n7 8 9\n" + "1 2 inf\n"
+    head = "ply\nformat ascii 1.0\nelement vertex 4\n" + "".join(f"property float {n}\n" for n in "xyz")
+    brought = client.post(f"{API}/scans/upload?file=holed.ply", content=f"{head}end_header\n{rows}".encode())
+    assert brought.status_code == 201, brought.text
+    name = brought.json()["name"]
+    shown = client.post(f"{API}/view/show", json={"scan": name}).json()
+    assert (shown["points"], shown["nowhere"]) == (2, 2)
+    assert shown["extent"] == {"low": [1.0, 2.0, 3.0], "high": [7.0, 8.0, 9.0]}
+    assert client.post(f"{API}/view/clear").json()["nowhere"] == 0
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,8 @@
 /** What the 3D view shows, as it was last heard; the same for every page that looks. */
 import { api, asked } from "./api/client";
 import type { ViewOut } from "./api/schema.gen";
+import { t } from "./i18n/index.svelte";
+import { tell } from "./notices.svelte";
 
 interface Box {
   low: number[];
@@ -36,6 +38,7 @@ export function readCloud(): Promise<void> {
 }
 
 /** Opens a scan in the view; its newest cloud where none is named. */
-export function showInView(scan: string, name?: string): Promise<void> {
-  return seen(asked(api.POST("/api/v1/view/show", { body: { scan, cloud: name ?? null } })));
+export async function showInView(scan: string, name?: string): Promise<void> {
+  await seen(asked(api.POST("/api/v1/view/show", { body: { scan, cloud: name ?? null } })));
+  if (known?.nowhere) tell({ tone: "info", sentence: t("library.nowhere", { count: known.nowhere }) });
 }

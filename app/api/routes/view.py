@@ -37,6 +37,7 @@ class ViewOut(BaseModel):
     scan: str
     cloud: str
     points: int
+    nowhere: int
     colour: Colour
     point_size_mm: float
     dark: bool
@@ -135,7 +136,7 @@ def show_scan_in_view(served: Served, wanted: ShowIn) -> ViewOut:
     name = wanted.cloud or names[-1]
     if name not in names:
         raise NotThere(f"The scan {item.title!r} has no cloud {name!r}.", f"It has: {', '.join(names)}.")
-    served.scene.show_cloud(item.name, name, read_ply(item.folder / name))
+    served.scene.show_cloud(item.name, name, read_ply(item.folder / name, allows_nowhere=True))
     return _shown(served)
 
 
@@ -218,6 +219,7 @@ def _shown(served: Services) -> ViewOut:
     return ViewOut.model_validate(
         {
             "live": shown.is_live, "scan": shown.scan, "cloud": shown.cloud, "points": shown.points,
+            "nowhere": shown.nowhere,
             "colour": shown.colour, "point_size_mm": shown.point_size_mm, "dark": shown.is_dark,
             "viewers": served.scene.viewers, "extent": _boxed(shown.extent), "crop": _boxed(shown.crop),
             "measured": shown.measured,

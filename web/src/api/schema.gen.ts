@@ -6489,6 +6489,8 @@ export interface components {
                 number,
                 number
             ][];
+            /** Nowhere */
+            nowhere: number;
             /** Point Size Mm */
             point_size_mm: number;
             /** Points */
