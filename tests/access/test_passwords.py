@@ -13,7 +13,7 @@ from app.access.access import Access, Kind
 from app.access.attempts import Attempts
 from app.access.keys import OneTimeKeys
 from app.access.password import Hashing, made_password
-from app.access.state import FILE
+from app.access.state import FILE, MOST_SESSIONS
 from app.errors import (
     AccessFileError,
     KeyRefused,
@@ -138,6 +138,21 @@ def test_an_expired_session_is_none_and_is_not_kept(access: Access, tmp_path: Pa
     assert later.sessions() == []
     later.make_token("script")
     assert json.loads((tmp_path / FILE).read_text())["sessions"] == []
+
+
+def test_who_logs_in_last_is_let_in_though_the_clock_was_set_back(access: Access, tmp_path: Path) -> None:
+    access.log_in(PASSWORD, "10.0.0.1", "x")
+    content = json.loads((tmp_path / FILE).read_text())
+    ahead = {
+        name: (datetime.fromisoformat(content["sessions"][0][name]) + timedelta(days=400)).isoformat()
+        for name in ("created", "last_seen", "expires")
+    }
+    first = content["sessions"][0] | ahead
+    content["sessions"] = [first | {"digest": f"{number:064x}"} for number in range(MOST_SESSIONS)]
+    (tmp_path / FILE).write_text(json.dumps(content))
+    secret = access.log_in(PASSWORD, "10.0.0.1", "x")
+    assert access.let_in_by_cookie(secret) is not None
+    assert len(access.sessions()) == MOST_SESSIONS
 
 
 def test_what_another_program_changes_is_noticed(access: Access, tmp_path: Path) -> None:
