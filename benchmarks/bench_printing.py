@@ -89,7 +89,8 @@ def _scanned(folder: Path, name: str, limit_mm: float) -> list[Row]:
     vertices = vertices[cKDTree(points[lit]).query(vertices, workers=-1)[0] < _NEAR_MM]
     beside = cKDTree(dense).query(vertices, workers=-1)[1]
     errors = np.einsum("ij,ij->i", vertices - dense[beside], dense_normals[beside])
-    note = f"{_STEPS} stops at 720p, {len(mesh.faces):,} triangles, {100.0 * float(np.mean(lit)):.0f} % of it visible"
+    visible = 100.0 * float(np.mean(lit))
+    note = f"{_STEPS} stops at 720p, {len(mesh.faces):,} triangles, {visible:.0f} % of it visible"
     near = f"within {_NEAR_MM} mm; {measured:.1f} % of it within 1 mm of a point of the cloud"
     return [
         at_most(f"{name}, scanned: RMS from the truth", _rms(errors), "mm", limit_mm, note),
