@@ -6461,6 +6461,7 @@ export interface components {
          *           40
          *         ]
          *       ],
+         *       "nowhere": 0,
          *       "point_size_mm": 0.4,
          *       "points": 184203,
          *       "scan": "a-mug",
