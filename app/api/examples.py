@@ -296,8 +296,8 @@ EXAMPLES: Final[dict[str, Any]] = {
     },
     "ViewIn": {"colour": "height", "point_size_mm": 0.4},
     "ViewOut": {
-        "live": False, "scan": "a-mug", "cloud": "clouds/20261121-101720.ply", "points": 184_203, "nowhere": 0,
-        "colour": "texture", "point_size_mm": 0.4, "dark": True, "viewers": 1,
+        "live": False, "scan": "a-mug", "cloud": "clouds/20261121-101720.ply", "points": 184_203,
+        "nowhere": 0, "colour": "texture", "point_size_mm": 0.4, "dark": True, "viewers": 1,
         "extent": {"low": [-42.0, -40.5, 0.4], "high": [41.5, 40.0, 92.1]}, "crop": None,
         "measured": [[-42.0, 0.0, 40.0], [41.5, 0.0, 40.0]], "distance_mm": 83.5,
     },
