@@ -1,6 +1,7 @@
 """The line that the table turns about, and the table frame it spans."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -8,7 +9,7 @@ from app.geometry.arrays import Vector3, unit
 from app.geometry.transform import RigidTransform, rotation_about
 
 
-@dataclass(frozen=True, eq=False, slots=True)
+@dataclass(frozen=True, eq=False)
 class TurntableAxis:
     """Axis of rotation in the camera frame.
 
@@ -29,7 +30,7 @@ class TurntableAxis:
         along = self.offset_mm if np.isfinite(self.offset_mm) else -float(self.point_mm @ self.direction)
         return self.point_mm + along * self.direction
 
-    @property
+    @cached_property
     def camera_from_table(self) -> RigidTransform:
         """At table angle 0: z up along the axis, x towards the camera as far as the axis allows."""
         z = unit(self.direction)

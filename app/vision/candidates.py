@@ -60,7 +60,7 @@ def find_candidates(view: LaserView, min_strength: float, count: int, kernels: K
     least = min(max(math.ceil(min_strength), 1), 255)
     light = lit
     if dark is None:
-        response, light = ridge_response(lit, channel, view.colour)
+        response, light = ridge_response(lit, channel, view.colour, kernels)
         peaks = kernels.find_peaks(response, light, least, count)
     else:
         peaks = kernels.find_peaks_between(lit, dark, channel, least, count)

@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from app.vision.kernels import Kernels, kernels
 from app.vision.stripe import Image, LaserColour, LaserView
 
 _CHANNELS = {"blue": 0, "green": 1, "red": 2}
@@ -59,7 +60,9 @@ def laser_response(view: LaserView) -> Image:
     return response if view.orientation == "vertical" else np.swapaxes(response, 0, 1)
 
 
-def ridge_response(lit: Image, channel: int, colour: LaserColour) -> tuple[Image, Image]:
+def ridge_response(
+    lit: Image, channel: int, colour: LaserColour, loops: Kernels | None = None
+) -> tuple[Image, Image]:
     """Laser light in a picture without a partner, rows across the stripe.
 
     Returns:
@@ -67,11 +70,16 @@ def ridge_response(lit: Image, channel: int, colour: LaserColour) -> tuple[Image
         surroundings whatever its colour. The light has the stripe's true shape; the response is cut off where
         the colour does not vouch for all of it.
     """
-    plane = lit if lit.ndim == 2 else np.asarray(cv2.extractChannel(lit, channel), np.uint8)
-    light = _top_hat(plane)
-    if lit.ndim == 2 or colour == "any":
+    if lit.ndim == 2:
+        light = _top_hat(lit)
         return light, light
-    return np.minimum(light, _colour_rise(lit, channel)), light
+    planes = [np.asarray(plane, np.uint8) for plane in cv2.split(lit)]
+    own = planes.pop(channel)
+    light = _top_hat(own)
+    if colour == "any":
+        return light, light
+    excess = (loops or kernels()).colour_excess(own, *planes)
+    return np.minimum(light, _colour_rise(excess)), light
 
 
 def laser_mask(response: Image, level: float) -> NDArray[np.bool_]:
@@ -87,15 +95,14 @@ def _top_hat(plane: Image) -> Image:
     return np.asarray(cv2.morphologyEx(plane, cv2.MORPH_TOPHAT, element), np.uint8)
 
 
-def _colour_rise(lit: Image, channel: int) -> Image:
+def _colour_rise(excess: Image) -> Image:
     """Twice the rise of the laser's channel over the two others, compared with the surroundings.
 
     Averaged over the few pixels that JPEG and Bayer patterns smear colour over.
+
+    Args:
+        excess: half of it, and 128 for none.
     """
-    weights = np.full((1, 3), -0.5, np.float32)
-    weights[0, channel] = 1.0
-    # Half of the range either way, so that 128 is grey.
-    excess = cv2.transform(lit, np.hstack([0.5 * weights, [[128.0]]]).astype(np.float32))
     smooth = np.asarray(cv2.blur(excess, (7, 3)), np.uint8)
     rise = _top_hat(smooth)
     return np.asarray(cv2.convertScaleAbs(rise, alpha=4.0), np.uint8)

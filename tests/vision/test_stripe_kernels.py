@@ -49,6 +49,19 @@ def test_they_agree_on_several_stripes_without_a_partner(count: int) -> None:
     both(LaserView(colour_picture(light, 1, 40.0), None, "green"), count)
 
 
+def test_they_agree_on_the_excess_of_every_colour() -> None:
+    pytest.importorskip("numba")
+    own, first = (np.ascontiguousarray(grey) for grey in np.mgrid[0:256, 0:256].astype(np.uint8))
+    for second in (0, 1, 2, 3, 127, 128, 254, 255):
+        planes = own, first, np.full_like(own, second)
+        np.testing.assert_array_equal(kernels(True).colour_excess(*planes), twin.colour_excess(*planes))
+
+
+def test_excess_is_half_of_what_a_channel_exceeds_the_mean_of_the_others_by() -> None:
+    own, first, second = (np.array([[grey]], np.uint8) for grey in (200, 100, 60))
+    assert twin.colour_excess(own, first, second).item() == 128 + (200 - 80) // 2
+
+
 @settings(deadline=None, max_examples=25)
 @given(
     seed=st.integers(0, 10**6),

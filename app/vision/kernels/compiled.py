@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from app.geometry.arrays import Floats
-from app.vision.kernels import cutting, fitting, piecing, searching, terms
+from app.vision.kernels import colouring, cutting, fitting, piecing, searching, terms
 from app.vision.kernels.jit import compiled_briefly
 from app.vision.kernels.results import (
     BLOCK,
@@ -29,6 +29,13 @@ from app.vision.segments import LARGEST_STEP_PX, LEAST_BENDS, LONG_PIECE
 from app.vision.stripe import Image
 
 _noise_terms = compiled_briefly(terms.noise_terms)
+
+
+def colour_excess(own: Image, first: Image, second: Image) -> Image:
+    """As in `twin`."""
+    excess = np.empty_like(own)
+    colouring.colour_excess(own, first, second, excess)
+    return excess
 
 
 def find_peaks_between(lit: Image, dark: Image, channel: int, least: int, count: int) -> Peaks:
