@@ -1,9 +1,9 @@
 """Bodies into layers: triangles, curved surfaces, prints and the room's light."""
 
+import math
 from collections.abc import Mapping
 from functools import lru_cache
 
-import cv2
 import numpy as np
 
 from app.geometry.arrays import Floats, unit
@@ -65,16 +65,16 @@ class Drawing:
     def extent(self, number: int, mesh: Mesh, pixels: Floats) -> Box:
         """Where a body can be seen at most."""
         height, width = self._size
-        low, high = cv2.reduce(pixels, 0, cv2.REDUCE_MIN)[0], cv2.reduce(pixels, 0, cv2.REDUCE_MAX)[0]
-        nearest_mm = float(cv2.reduce(mesh.vertices, 0, cv2.REDUCE_MIN)[0, 2])
+        top, bottom, left, right, nearest_mm = kernels.bounds(mesh.vertices, pixels)
         if nearest_mm < 1.0:
             return 0, height, 0, width
         # Distortion bends the edges of a large triangle out of the box about its corners.
         longest_px = self._longest_mm[number] * float(self.scene.scanner.rig.camera.matrix.max()) / nearest_mm
         margin = 2.0 + 0.06 * longest_px
-        u0, v0 = np.clip(np.floor(low - margin), 0, [width, height]).astype(int).tolist()
-        u1, v1 = np.clip(np.ceil(high + margin) + 1.0, 0, [width, height]).astype(int).tolist()
-        return v0, v1, u0, u1
+        return (
+            *_clipped(top - margin, bottom + margin, height),
+            *_clipped(left - margin, right + margin, width),
+        )  # fmt: skip
 
     def draw(self, layers: Layers, number: int, mesh: Mesh, pixels: Floats | None = None) -> Box:
         """One body into the layers; the part of the picture in which it is seen."""
@@ -83,15 +83,12 @@ class Drawing:
         first, (top, _, left, _) = int(self._first[number]), layers.box
         here = pixels - np.array([left, top], np.float64)
         box = kernels.rasterise(
-            mesh.vertices, here, mesh.faces, layers.rays, layers.depth, layers.owner, first, mesh.is_closed,
-            self._bulge_per_px,
+            mesh.vertices, here, mesh.normals, mesh.albedo, mesh.faces,
+            layers.rays, layers.depth, layers.owner, layers.normal, layers.albedo,
+            first, mesh.is_closed, self._bulge_per_px,
         )  # fmt: skip
         if box[0] >= box[1]:
             return 0, 0, 0, 0
-        kernels.resolve(
-            layers.owner, first, mesh.vertices, mesh.normals, mesh.faces, mesh.albedo,
-            layers.rays, layers.normal, layers.albedo,
-        )  # fmt: skip
         if len(mesh.quadrics):
             kernels.curve(
                 layers.owner, first, mesh.quadrics, mesh.face_quadric,
@@ -123,6 +120,11 @@ class Drawing:
             layers.owner, layers.normal, layers.albedo, _lamp(self.scene),
             lighting.lamp_grey, lighting.ambient_grey, layers.seen,
         )  # fmt: skip
+
+
+def _clipped(first: float, last: float, size: int) -> tuple[int, int]:
+    """The whole pixels from first to last that a picture has, the second not among them."""
+    return min(max(math.floor(first), 0), size), min(max(math.ceil(last) + 1, 0), size)
 
 
 @lru_cache(maxsize=4)

@@ -10,7 +10,7 @@ from typing import Any
 
 IS_COMPILED = find_spec("numba") is not None
 LOOPS = (
-    "curve", "cut", "expose", "light", "near", "paint", "project", "rasterise", "resolve", "shade", "speckle",
+    "bounds", "curve", "cut", "expose", "light", "near", "paint", "project", "rasterise", "shade", "speckle",
 )  # fmt: skip
 
 

@@ -86,13 +86,34 @@ def _reach_of(
 
 
 @njit(nogil=True, cache=True, error_model="numpy")
+def bounds(vertices: Floats, pixels: Floats) -> tuple[float, float, float, float, float]:
+    left = top = nearest = np.inf
+    right = bottom = -np.inf
+    for n in range(vertices.shape[0]):
+        left, right = min(left, pixels[n, 0]), max(right, pixels[n, 0])
+        top, bottom = min(top, pixels[n, 1]), max(bottom, pixels[n, 1])
+        nearest = min(nearest, vertices[n, 2])
+    return top, bottom, left, right, nearest
+
+
+@njit(nogil=True, cache=True, error_model="numpy", inline="always")
+def _sum_of(a: float, b: float, c: float, values: Floats, i: int, j: int, k: int, axis: int) -> float:
+    total: float = a * values[i, axis] + b * values[j, axis] + c * values[k, axis]
+    return total
+
+
+@njit(nogil=True, cache=True, error_model="numpy")
 def rasterise(
     vertices: Floats,
     pixels: Floats,
+    normals: Floats,
+    albedo: F32,
     faces: NDArray[np.int32],
     rays: F32,
     depth: F32,
     owner: NDArray[np.int32],
+    normal_out: F32,
+    albedo_out: F32,
     first_face: int,
     is_closed: bool,
     bulge_per_px: float,
@@ -100,7 +121,7 @@ def rasterise(
     height, width = depth.shape
     top, bottom, left, right = np.uint64(height), np.uint64(0), np.uint64(width), np.uint64(0)
     for face in range(faces.shape[0]):
-        i, j, k = faces[face, 0], faces[face, 1], faces[face, 2]
+        i, j, k = np.uint64(faces[face, 0]), np.uint64(faces[face, 1]), np.uint64(faces[face, 2])
         if not (vertices[i, 2] > 1e-3 and vertices[j, 2] > 1e-3 and vertices[k, 2] > 1e-3):
             continue
         ax, ay, az = _side(vertices, j, k)
@@ -112,76 +133,63 @@ def rasterise(
             continue
         bx, by, bz = _side(vertices, k, i)
         cx, cy, cz = _side(vertices, i, j)
-        if det < 0.0:
+        is_from_behind = det > 0.0
+        if not is_from_behind:
             ax, ay, az, bx, by, bz = -ax, -ay, -az, -bx, -by, -bz
             cx, cy, cz, det = -cx, -cy, -cz, -det
-        tx, ty, tz = ax + bx + cx, ay + by + cy, az + bz + cz
+        # The mean of the corners' normals, as each counts for a ray, is linear in the ray but for its length.
+        xx = _sum_of(ax, bx, cx, normals, i, j, k, 0)
+        xy = _sum_of(ay, by, cy, normals, i, j, k, 0)
+        xz = _sum_of(az, bz, cz, normals, i, j, k, 0)
+        yx = _sum_of(ax, bx, cx, normals, i, j, k, 1)
+        yy = _sum_of(ay, by, cy, normals, i, j, k, 1)
+        yz = _sum_of(az, bz, cz, normals, i, j, k, 1)
+        zx = _sum_of(ax, bx, cx, normals, i, j, k, 2)
+        zy = _sum_of(ay, by, cy, normals, i, j, k, 2)
+        zz = _sum_of(az, bz, cz, normals, i, j, k, 2)
+        blue, green, red = albedo[i, 0], albedo[i, 1], albedo[i, 2]
+        is_plain = (
+            (blue == albedo[j, 0])
+            & (green == albedo[j, 1])
+            & (red == albedo[j, 2])
+            & (blue == albedo[k, 0])
+            & (green == albedo[k, 1])
+            & (red == albedo[k, 2])
+        )
         is_seen = False
         for v in range(v0, v1):
             for u in range(u0, u1):
                 x, y = float(rays[v, u, 0]), float(rays[v, u, 1])
-                is_outside = (
-                    (ax * x + ay * y + az < 0.0) | (bx * x + by * y + bz < 0.0) | (cx * x + cy * y + cz < 0.0)
-                )
-                if is_outside:
+                wa = ax * x + ay * y + az
+                wb = bx * x + by * y + bz
+                wc = cx * x + cy * y + cz
+                if (wa < 0.0) | (wb < 0.0) | (wc < 0.0):
                     continue
-                z = np.float32(det / (tx * x + ty * y + tz))
-                if z < depth[v, u]:
-                    depth[v, u] = z
-                    owner[v, u] = first_face + face
-                    is_seen = True
+                total = wa + wb + wc
+                if not det < depth[v, u] * total:
+                    continue
+                share = 1.0 / total
+                depth[v, u] = np.float32(det * share)
+                owner[v, u] = first_face + face
+                is_seen = True
+                nx, ny, nz = xx * x + xy * y + xz, yx * x + yy * y + yz, zx * x + zy * y + zz
+                shorter = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
+                # Seen from behind, a surface that is not closed shows its other side.
+                if is_from_behind and nx * x + ny * y + nz > 0.0:
+                    shorter = -shorter
+                normal_out[v, u, 0] = shorter * nx
+                normal_out[v, u, 1] = shorter * ny
+                normal_out[v, u, 2] = shorter * nz
+                if is_plain:
+                    albedo_out[v, u, 0], albedo_out[v, u, 1], albedo_out[v, u, 2] = blue, green, red
+                    continue
+                wa, wb, wc = share * wa, share * wb, share * wc
+                for c in range(3):
+                    albedo_out[v, u, c] = wa * albedo[i, c] + wb * albedo[j, c] + wc * albedo[k, c]
         if is_seen:
             top, bottom = min(top, v0), max(bottom, v1)
             left, right = min(left, u0), max(right, u1)
     return int(top), int(bottom), int(left), int(right)
-
-
-@njit(nogil=True, cache=True, error_model="numpy")
-def resolve(
-    owner: NDArray[np.int32],
-    first_face: int,
-    vertices: Floats,
-    normals: Floats,
-    faces: NDArray[np.int32],
-    albedo: F32,
-    rays: F32,
-    normal_out: F32,
-    albedo_out: F32,
-) -> None:
-    height, width = owner.shape
-    count = faces.shape[0]
-    last, i, j, k = -1, 0, 0, 0
-    ax = ay = az = bx = by = bz = cx = cy = cz = 0.0
-    for v in range(np.uint64(height)):
-        for u in range(np.uint64(width)):
-            face = owner[v, u] - first_face
-            if face < 0 or face >= count:
-                continue
-            if face != last:
-                # Neighbouring pixels mostly see the same triangle.
-                last, i, j, k = face, faces[face, 0], faces[face, 1], faces[face, 2]
-                ax, ay, az = _side(vertices, j, k)
-                bx, by, bz = _side(vertices, k, i)
-                cx, cy, cz = _side(vertices, i, j)
-            x, y = float(rays[v, u, 0]), float(rays[v, u, 1])
-            wa = ax * x + ay * y + az
-            wb = bx * x + by * y + bz
-            wc = cx * x + cy * y + cz
-            total = wa + wb + wc
-            share = 1.0 / total
-            wa, wb, wc = share * wa, share * wb, share * wc
-            nx = wa * normals[i, 0] + wb * normals[j, 0] + wc * normals[k, 0]
-            ny = wa * normals[i, 1] + wb * normals[j, 1] + wc * normals[k, 1]
-            nz = wa * normals[i, 2] + wb * normals[j, 2] + wc * normals[k, 2]
-            shorter = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
-            # Seen from behind, a surface that is not closed shows its other side.
-            if nx * x + ny * y + nz > 0.0 and total > 0.0:
-                shorter = -shorter
-            normal_out[v, u, 0] = shorter * nx
-            normal_out[v, u, 1] = shorter * ny
-            normal_out[v, u, 2] = shorter * nz
-            for c in range(3):
-                albedo_out[v, u, c] = wa * albedo[i, c] + wb * albedo[j, c] + wc * albedo[k, c]
 
 
 @njit(nogil=True, cache=True, error_model="numpy")

@@ -45,18 +45,28 @@ def project(vertices: Floats, matrix: Floats, distortion: Floats, width: int, he
     return pixels
 
 
+def bounds(vertices: Floats, pixels: Floats) -> tuple[float, float, float, float, float]:
+    """Least and largest row and column (top, bottom, left, right) of pixels (V, 2), and least z of (V, 3)."""
+    (left, top), (right, bottom) = pixels.min(axis=0).tolist(), pixels.max(axis=0).tolist()
+    return top, bottom, left, right, float(vertices[:, 2].min())
+
+
 def rasterise(
     vertices: Floats,
     pixels: Floats,
+    normals: Floats,
+    albedo: F32,
     faces: NDArray[np.int32],
     rays: F32,
     depth: F32,
     owner: NDArray[np.int32],
+    normal_out: F32,
+    albedo_out: F32,
     first_face: int,
     is_closed: bool,
     bulge_per_px: float,
 ) -> tuple[int, int, int, int]:
-    """Draw triangles into `depth` and `owner`; return the box of pixels that changed.
+    """Draw triangles, with normal and colour where they are seen; return the box of pixels that changed.
 
     Whether a pixel sees a triangle is decided on the pixel's own ray, in homogeneous coordinates (Olano
     and Greer 1997), so distortion is exact and no edge needs clipping.
@@ -64,10 +74,14 @@ def rasterise(
     Args:
         vertices: (V, 3).
         pixels: (V, 2) where each vertex is seen.
+        normals: (V, 3).
+        albedo: (V, 3).
         faces: (F, 3).
         rays: of every pixel.
         depth: is lowered where a triangle is nearer.
         owner: becomes `first_face` + the triangle's number there.
+        normal_out: becomes the unit vector out of the surface.
+        albedo_out: becomes blue, green, red.
         first_face: number of the first triangle.
         is_closed: leave out triangles seen from behind.
         bulge_per_px: how far the lens bends an edge out of the straight line, pixels per squared length.
@@ -109,10 +123,11 @@ def rasterise(
             min(box[0], v0 + int(rows[0])), max(box[1], v0 + int(rows[-1]) + 1),
             min(box[2], u0 + int(columns[0])), max(box[3], u0 + int(columns[-1]) + 1),
         )  # fmt: skip
+    _resolve(owner, first_face, vertices, normals, faces, albedo, rays, normal_out, albedo_out)
     return box
 
 
-def resolve(
+def _resolve(
     owner: NDArray[np.int32],
     first_face: int,
     vertices: Floats,
@@ -123,19 +138,7 @@ def resolve(
     normal_out: F32,
     albedo_out: F32,
 ) -> None:
-    """Normal and colour where a body is seen.
-
-    Args:
-        owner: as `rasterise` left it.
-        first_face: number of the first triangle.
-        vertices: (V, 3).
-        normals: (V, 3).
-        faces: (F, 3).
-        albedo: (V, 3).
-        rays: of every pixel.
-        normal_out: unit vectors, out of the surface.
-        albedo_out: blue, green, red.
-    """
+    """Normal and colour where a body is seen."""
     v, u = _mine(None, owner, first_face, len(faces))
     corner = faces[owner[v, u] - first_face]
     ray = np.column_stack([rays[v, u], np.ones(len(v))]).astype(np.float64)
@@ -171,7 +174,7 @@ def curve(
         face_quadric: (F,) which of them a triangle stands for, or -1.
         rays: of every pixel.
         depth: of every pixel, is moved.
-        normal: as `resolve` left it, is turned.
+        normal: as `rasterise` left it, is turned.
     """
     v, u = _mine(None, owner, first_face, len(face_quadric))
     which = face_quadric[owner[v, u] - first_face]
