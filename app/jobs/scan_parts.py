@@ -88,6 +88,6 @@ def live_points_for(
         {name: entry.colour for name, entry in bench.lasers.items()},
         lambda angle_deg: way * angle_deg, on_profile=on_profile,
         is_grey=has_partners and bench.camera.facts.gives_jpeg,
-        options=replace(options, ahead=0, is_prompt=True, with_colour=False),
+        options=replace(options, is_prompt=True, with_colour=False),
         each_alone=session.plan.mode != "step",
     )  # fmt: skip

@@ -55,6 +55,7 @@ class SimulatedWorld:
             resets_on_open=plan.resets_on_open, seed=plan.seed,
         )  # fmt: skip
         self._arranged = History(_Arrangement("object"), 2.0 * _REMEMBERED_S)
+        self._endings: list[Callable[[], None]] = []
 
     @property
     def scanner(self) -> SimulatedRig:
@@ -106,7 +107,12 @@ class SimulatedWorld:
         self._change(thing="board-in-hands", hands=hands, held_since_s=self.clock.now_s())
 
     def expose(self, start_s: float, settings: SensorSettings) -> Callable[[], Image]:
-        """Take in what the world was like while a picture was exposed; render it when somebody looks.
+        """What the world was like while a picture was exposed, see `moment`; rendered when it is called."""
+        moment = self.moment(start_s, settings)
+        return lambda: self.stage.picture(moment, settings)
+
+    def moment(self, start_s: float, settings: SensorSettings) -> Moment:
+        """What the world was like while a picture was exposed.
 
         Args:
             start_s: when the exposure began, world time. Best called when it has ended, and not later than
@@ -119,7 +125,7 @@ class SimulatedWorld:
         now = self._arranged.at(middle_s)
         names = self.plant.wiring.lasers
         shares = self.plant.shares_on(start_s, end_s)
-        moment = Moment(
+        return Moment(
             now.thing, now.placement,
             None if now.hands is None else now.hands.pose_at(middle_s - now.held_since_s),
             float(np.radians(self.plant.at(middle_s).angle_deg % 360.0)),
@@ -127,11 +133,16 @@ class SimulatedWorld:
             {names[output]: share for output, share in shares.items() if output in names},
             hash((self.plan.seed, round(1e6 * start_s))) % 2**63,
         )  # fmt: skip
-        return lambda: self.stage.picture(moment, settings)
+
+    def at_close(self, end: Callable[[], None]) -> None:
+        """Have something that belongs to this world end with it."""
+        self._endings.append(end)
 
     def close(self) -> None:
         """Take the port away."""
         self.port.close()
+        while self._endings:
+            self._endings.pop()()
 
     def __enter__(self) -> Self:
         return self

@@ -8,16 +8,20 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from app.devices.camera_driver import CAMERAS, CameraFacts, Control, ControlName, Picture, RawFrame
+from app.devices.studio import Studio
 from app.errors import DeviceLost, DeviceNotFound, DeviceRefused, DeviceTimeout
 from app.recording.picture import encode
 from app.simulation.exposure import SensorSettings
 from app.simulation.history import History
+from app.simulation.stage import Moment
 from app.simulation.world import SimulatedWorld
 
 # A reader that comes back within this time has lost nothing; later it counts as having been away.
 _QUEUE_S = 0.25
 _SETTINGS_KEPT_S = 20.0
 _SHORTEST_US = 50.0
+# From so many pixels on, rendering takes longer than it takes to ask another process for it.
+_LARGE_PX = 300_000
 _FIELDS = {
     ControlName.EXPOSURE: "exposure_us",
     ControlName.GAIN: "gain",
@@ -34,6 +38,8 @@ _RANGES = {
 class SimulatedCamera:
     """Sees the simulated world. Its latency, stale pictures and lack of time stamps are the world's plan.
 
+    Large pictures are made in a process of their own, see `Studio`.
+
     Attributes:
         world: what it looks at.
     """
@@ -46,6 +52,7 @@ class SimulatedCamera:
         self._automatic: set[ControlName] = set()
         self._stale: deque[int] = deque()
         self._next = 0
+        self._studio: Studio | None = None
         self._is_connected = self._is_unplugged = self._is_frozen = False
 
     @property
@@ -58,13 +65,23 @@ class SimulatedCamera:
 
     def connect(self) -> None:
         # No picture shall be late once they come.
-        self.world.stage.rehearse()
+        if not self._has_studio():
+            self.world.stage.rehearse()
         with self._changed:
             if self._is_unplugged:
                 raise DeviceNotFound("camera", "the simulated camera is unplugged")
             self._is_connected, self._is_frozen = True, False
             self._stale.clear()
             self._next = self._coming()
+
+    def _has_studio(self) -> bool:
+        plan = self.world.plan
+        if plan.width * plan.height < _LARGE_PX:
+            return False
+        if self._studio is None:
+            self._studio = Studio(plan)
+            self.world.at_close(self._studio.close)
+        return self._studio.is_open
 
     def disconnect(self) -> None:
         with self._changed:
@@ -151,14 +168,18 @@ class SimulatedCamera:
             self._next = number + 1
         start_s = number / self._fps
         settings = self._settings.at(start_s)
-        picture = self.world.expose(start_s, settings)
-        quality = self.world.plan.jpeg_quality
-
-        def jpeg() -> Picture:
-            return encode(picture(), "jpeg", quality)
-
+        moment = self.world.moment(start_s, settings)
         exposed_s = self.world.clock.monotonic_s(start_s) if self.world.plan.has_timestamps else None
-        return RawFrame(jpeg, exposed_s, settings.exposure_us)
+        return RawFrame(lambda: self._file(moment, settings), exposed_s, settings.exposure_us)
+
+    def _file(self, moment: Moment, settings: SensorSettings) -> Picture:
+        studio = self._studio
+        if studio is not None:
+            if studio.is_closed:
+                raise DeviceLost("camera", "was put away before it had made this picture")
+            if file := studio.picture(moment, settings):
+                return file
+        return encode(self.world.stage.picture(moment, settings), "jpeg", self.world.plan.jpeg_quality)
 
     def _coming(self) -> int:
         """Number of the picture whose exposure begins next."""
