@@ -1,5 +1,6 @@
 """The one world that the simulated camera and the simulated board share."""
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -56,6 +57,7 @@ class SimulatedWorld:
         )  # fmt: skip
         self._arranged = History(_Arrangement("object"), 2.0 * _REMEMBERED_S)
         self._endings: list[Callable[[], None]] = []
+        self._is_closed, self._closing = False, threading.Lock()
 
     @property
     def scanner(self) -> SimulatedRig:
@@ -135,12 +137,18 @@ class SimulatedWorld:
         )  # fmt: skip
 
     def at_close(self, end: Callable[[], None]) -> None:
-        """Have something that belongs to this world end with it."""
-        self._endings.append(end)
+        """Have something that belongs to this world end with it; at once, where it has ended."""
+        with self._closing:
+            if not self._is_closed:
+                self._endings.append(end)
+                return
+        end()
 
     def close(self) -> None:
         """Take the port away."""
         self.port.close()
+        with self._closing:
+            self._is_closed = True
         while self._endings:
             self._endings.pop()()
 

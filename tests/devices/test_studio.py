@@ -119,3 +119,9 @@ def test_it_ends_when_the_program_is_killed(tmp_path: Path) -> None:
         time.sleep(0.05)
     is_there = psutil.pid_exists(number) and psutil.Process(number).status() != psutil.STATUS_ZOMBIE
     assert not is_there
+
+
+def test_one_that_comes_too_late_ends_at_once(world: SimulatedWorld) -> None:
+    world.close()
+    camera_of(world)
+    assert not own_processes()
