@@ -23,7 +23,7 @@ from app.live.settings import Kind, LiveSettings, usual_width
 from app.live.viewer import LiveViewer, Seat
 
 # Of one processor: what making pictures may take. After each there is a pause that keeps to it.
-_SHARE = 0.32
+_SHARE = 0.3
 _TICK_S = 0.5
 # Pictures per second that are made here; more do not show more of a table that turns, and cost as much again.
 _MOST_FPS = 15.0
