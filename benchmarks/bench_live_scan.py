@@ -37,7 +37,7 @@ def _continuous() -> list[Row]:
         at_most(what + "pictures lost", float(gaps + lost), "pictures", 0.0, f"{session.shots} recorded"),
         at_most(what + "pictures left out of the live points", float(watch.live.left_out), "pictures", 0.0,
                 f"{watch.live.points:,} points"),
-        Row(what + "processors used", used, "of 2", note="without the simulated camera, which renders in another process"),
+        Row(what + "processors used", used, "of 2", note="the simulated camera's process left out"),
     ]  # fmt: skip
 
 
