@@ -1,7 +1,7 @@
 """The whole server under load: a continuous scan at 720p30 while people look at pictures and at the cloud.
 
-The server and its simulated bench run in this process, which has another one render the pictures, as `turnscan
-serve` does; those who look run in a third.
+The server and its simulated bench run in this process, which has another one render the pictures, as
+`turnscan serve` does; those who look run in a third.
 """
 
 import asyncio
