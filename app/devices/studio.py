@@ -21,7 +21,6 @@ from app.simulation.world_plan import WorldPlan
 _LINES = 2
 _READY_S = 60.0
 _PICTURE_S = 20.0
-_FAREWELL_S = 2.0
 _Line: TypeAlias = "Connection[Any, bytes]"
 _log = logging.getLogger(__name__)
 
@@ -87,12 +86,8 @@ class Studio:
     def _end(self) -> None:
         with self._lock:
             process, self._process = self._process, None
-        if process is None:
-            return
-        process.terminate()
-        try:
-            process.wait(_FAREWELL_S)
-        except subprocess.TimeoutExpired:
+        if process is not None:
+            # It has nothing to lose.
             process.kill()
             process.wait()
 

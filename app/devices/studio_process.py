@@ -26,8 +26,9 @@ _log = logging.getLogger(__name__)
 
 def main(numbers: list[str]) -> None:
     """Make pictures until nobody asks any more."""
-    # Ctrl-C reaches the whole group of processes; the program ends this one.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # These reach the whole group of processes, and the program may need pictures until its own end.
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        signal.signal(getattr(signal, name), signal.SIG_IGN)
     share_arenas()
     # Each line has a thread of its own.
     cv2.setNumThreads(1)

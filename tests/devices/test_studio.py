@@ -86,6 +86,15 @@ def test_pictures_go_on_when_the_process_dies(world: SimulatedWorld) -> None:
     assert file_of(camera.grab(2.0)).startswith(b"\xff\xd8")
 
 
+def test_what_ends_the_program_in_good_order_does_not_take_its_pictures_before(world: SimulatedWorld) -> None:
+    camera = camera_of(world)
+    (process,) = own_processes()
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        process.send_signal(number)
+    assert file_of(camera.grab(2.0)).startswith(b"\xff\xd8")
+    assert process.is_running()
+
+
 def test_it_ends_with_the_world_and_nothing_is_rendered_afterwards(world: SimulatedWorld) -> None:
     camera = camera_of(world)
     frame = camera.grab(2.0)
