@@ -21,7 +21,6 @@ from app.simulation.history import History
 from app.simulation.rig import SimulatedRig
 from app.simulation.stage import Moment, Stage, Thing
 from app.simulation.world_plan import WorldPlan
-from app.vision.stripe import Image
 
 __all__ = ["SimulatedWorld", "WorldPlan"]
 
@@ -107,11 +106,6 @@ class SimulatedWorld:
         """
         hands = Hands.of(self.rig, self.stage.board, across_lasers=across_lasers, seed=self.plan.seed)
         self._change(thing="board-in-hands", hands=hands, held_since_s=self.clock.now_s())
-
-    def expose(self, start_s: float, settings: SensorSettings) -> Callable[[], Image]:
-        """What the world was like while a picture was exposed, see `moment`; rendered when it is called."""
-        moment = self.moment(start_s, settings)
-        return lambda: self.stage.picture(moment, settings)
 
     def moment(self, start_s: float, settings: SensorSettings) -> Moment:
         """What the world was like while a picture was exposed.
