@@ -43,8 +43,9 @@ class Studio:
         pairs = [Pipe() for _ in range(_LINES)]
         numbers = [far.fileno() for _, far in pairs]
         try:
+            # -P as for the watchdog: a folder called `app` where the program was started is not ours.
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "app.devices.studio_process", *map(str, numbers)],
+                [sys.executable, "-P", "-m", "app.devices.studio_process", *map(str, numbers)],
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=numbers,
             )  # fmt: skip
         except OSError as error:

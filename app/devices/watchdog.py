@@ -68,9 +68,10 @@ class Watchdog:
         with self._lock:
             if self._process is not None:
                 return
+            # Without -P, a folder called `app` where the program was started would be taken for ours.
             with contextlib.suppress(OSError):
                 self._process = subprocess.Popen(
-                    [sys.executable, "-m", "app.devices.watchdog_process"],
+                    [sys.executable, "-P", "-m", "app.devices.watchdog_process"],
                     stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
                     start_new_session=True, bufsize=0,
                 )  # fmt: skip

@@ -14,6 +14,7 @@ import pytest
 
 from app.devices.camera_driver import RawFrame
 from app.devices.cameras.simulated import SimulatedCamera
+from app.devices.watchdog import Watchdog
 from app.errors import DeviceLost
 from app.recording.picture import encode
 from app.simulation.exposure import SensorSettings
@@ -84,6 +85,20 @@ def test_pictures_go_on_when_the_process_dies(world: SimulatedWorld) -> None:
     process.kill()
     assert file_of(before).startswith(b"\xff\xd8")
     assert file_of(camera.grab(2.0)).startswith(b"\xff\xd8")
+
+
+def test_a_folder_called_app_is_not_taken_for_ours(
+    world: SimulatedWorld, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "app").mkdir()
+    (tmp_path / "app" / "__init__.py").touch()
+    monkeypatch.chdir(tmp_path)
+    camera_of(world)
+    assert len(own_processes()) == 1
+    with Watchdog() as watchdog:
+        watchdog._start()
+        time.sleep(1.0)
+        assert watchdog.is_running
 
 
 def test_what_ends_the_program_in_good_order_does_not_take_its_pictures_before(world: SimulatedWorld) -> None:
